@@ -1,0 +1,1 @@
+"""The command line of landtool: parse, call one library function, render."""

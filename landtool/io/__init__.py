@@ -1,0 +1,1 @@
+"""Readers and writers of the formats landtool knows; docs/formats.md describes them."""

@@ -1,0 +1,1 @@
+"""Tags: reading them, their pose, and the choice between its two solutions."""

@@ -1,0 +1,1 @@
+"""The platform over time: Kalman filter, tracks, and the drone's own motion."""

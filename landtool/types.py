@@ -1,0 +1,138 @@
+"""The values that travel through the pipeline. Frames of reference are defined in docs/conventions.md.
+
+Pixels follow OpenCV: integer centres, the image spans [-0.5, W - 0.5]. Time is integer nanoseconds on the source's clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landtool.geometry import Array, Pose
+
+Image = NDArray[np.uint8]
+Status = Literal["ok", "damaged"]
+PoseMethod = Literal["tag", "target", "box"]
+TrackState = Literal["tentative", "confirmed", "coasting"]
+Reference = Literal["body", "world"]
+Stage = Literal["far", "near"]
+Search = Literal["frame", "region"]
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One decoded picture.
+
+    index: 0-based place in the source, lost frames counted. t_ns: the source's own time, None where it has no clock.
+    image: (H, W, 3) BGR uint8. file: the image's name in a folder, else empty.
+    damage: what is wrong with a picture that was decoded all the same; empty when nothing is.
+    """
+
+    index: int
+    t_ns: int | None
+    image: Image
+    file: str = ""
+    damage: str = ""
+
+    @property
+    def status(self) -> Status:
+        """`damaged` when the decoder reported damage."""
+        return "damaged" if self.damage else "ok"
+
+
+@dataclass(frozen=True)
+class LostFrame:
+    """A frame the source holds but that no picture could be got from; `reason` says why."""
+
+    index: int
+    t_ns: int | None
+    reason: str
+    file: str = ""
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A detector's box: edges in pixels (OpenCV convention), score in [0, 1]."""
+
+    label: str
+    score: float
+    x_min_px: float
+    y_min_px: float
+    x_max_px: float
+    y_max_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class TagObservation:
+    """One decoded tag in one image.
+
+    corners_px: (4, 2) float64, OpenCV pixels: the upright tag's top-left, top-right, bottom-right, bottom-left.
+    hamming: corrected bits. margin: the decoder's mean distance of a bit from its threshold, grey levels.
+    corner_sigma_px: one standard deviation of each corner coordinate.
+    """
+
+    family: str
+    tag_id: int
+    hamming: int
+    margin: float
+    corners_px: Array
+    corner_sigma_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class PadPose:
+    """The pad in the camera frame, as measured in one image.
+
+    covariance: (6, 6), of a left perturbation (dt, dw) in the camera frame: t + dt in m, exp(dw) R in rad.
+    ambiguity: reprojection error of the chosen of the two solutions over the other's, in [0, 1] when the chosen is
+    the better; near 1 nothing in the image tells them apart. reproj_px: RMS over the corners, pixels.
+    alternative: the solution not chosen, None where there is only one.
+    """
+
+    camera_T_pad: Pose
+    covariance: Array
+    method: PoseMethod
+    ambiguity: float
+    reproj_px: float
+    alternative: Pose | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """The platform in the reference frame at one moment, and where it will be.
+
+    state: (4,) x, y in m and vx, vy in m/s. covariance: (4, 4). nis: normalised innovation squared of this frame's
+    measurement, None without one. predicted_xy_m: (2,) the place `horizon_s` later.
+    """
+
+    track_id: int
+    status: TrackState
+    reference: Reference
+    state: Array
+    covariance: Array
+    nis: float | None
+    horizon_s: float
+    predicted_xy_m: Array
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """What is known about one frame, without its image. Truth has the same type."""
+
+    index: int
+    t_ns: int | None
+    file: str = ""
+    status: Status = "ok"
+    reason: str = ""
+    haze: float | None = None
+    dehazed: bool = False
+    stage: Stage | None = None
+    search: Search | None = None
+    detections: tuple[Detection, ...] = ()
+    tags: tuple[TagObservation, ...] = ()
+    pose: PadPose | None = None
+    tracks: tuple[Track, ...] = ()
+    stage_seconds: dict[str, float] = field(default_factory=dict)
