@@ -27,8 +27,9 @@ def rotation_from_rotvec(rotvec: ArrayLike) -> Array:
     k = skew(w)
     # Rodrigues: R = I + sin(a)/a K + (1 - cos(a))/a^2 K^2, with K = skew(w) and a = |w|
     if angle < 1e-8:
-        return np.eye(3) + k + 0.5 * k @ k
-    return np.eye(3) + np.sin(angle) / angle * k + (1.0 - np.cos(angle)) / angle**2 * k @ k
+        return np.asarray(np.eye(3) + k + 0.5 * k @ k)
+    rotation: Array = np.eye(3) + np.sin(angle) / angle * k + (1.0 - np.cos(angle)) / angle**2 * k @ k
+    return rotation
 
 
 def rotvec_from_rotation(rotation: ArrayLike) -> Array:
@@ -37,7 +38,8 @@ def rotvec_from_rotation(rotation: ArrayLike) -> Array:
     v = np.array([x, y, z])
     s = float(np.linalg.norm(v))
     # angle = 2 atan2(|v|, w), axis = v / |v|; near zero v is half the rotation vector
-    return 2.0 * v if s < 1e-12 else v * (2.0 * np.arctan2(s, w) / s)
+    scale = 2.0 if s < 1e-12 else 2.0 * float(np.arctan2(s, w)) / s
+    return scale * v
 
 
 def rotation_from_quaternion(wxyz: ArrayLike) -> Array:

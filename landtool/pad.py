@@ -108,7 +108,7 @@ class PadSpec:
         if self.ring and not 0 < self.ring.inner < self.ring.outer:
             raise InputError("the ring's inner diameter must lie between 0 and its outer one")
         letter = self.letter
-        if letter and not (0 < letter.stroke and 2 * letter.stroke < letter.width and letter.stroke < letter.height):
+        if letter and not (letter.stroke > 0 and 2 * letter.stroke < letter.width and letter.stroke < letter.height):
             raise InputError("the H's strokes do not fit into its height and width")
         if any(part and part.side <= 0 for part in (self.board, self.quiet_zone)):
             raise InputError("the side of the board or of the quiet zone is not positive")

@@ -1,6 +1,7 @@
 """The values that travel through the pipeline. Frames of reference are defined in docs/conventions.md.
 
-Pixels follow OpenCV: integer centres, the image spans [-0.5, W - 0.5]. Time is integer nanoseconds on the source's clock.
+Pixels follow OpenCV: integer centres, the image spans [-0.5, W - 0.5].
+Time is integer nanoseconds on the source's own clock.
 """
 
 from __future__ import annotations
