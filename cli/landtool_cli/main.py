@@ -1,0 +1,206 @@
+"""The `landtool` program: the table of its commands, and the one place where errors become exit codes."""
+
+from __future__ import annotations
+
+import difflib
+import errno
+import importlib
+import os
+import signal
+import sys
+import traceback
+from types import FrameType
+from typing import Any, NoReturn
+
+import click
+from click.shell_completion import CompletionItem, shell_complete
+
+from landtool import __version__
+from landtool.errors import LandtoolError, UsageError
+from landtool_cli.console import Console
+
+# Every command: its module, imported when it is called, and its line in `landtool --help`
+COMMANDS = {
+    "track": ("landtool_cli.commands.track", "Follow the pad through recordings: poses, track, prediction, video."),
+    "pad": ("landtool_cli.commands.pad", "Make the target for printing, at true scale."),
+    "info": ("landtool_cli.commands.info", "Tell what a recording, calibration or pad file holds."),
+    "completion": ("landtool_cli.commands.completion", "Print the completion script of a shell."),
+}
+
+COMPLETE_VARIABLE = "_LANDTOOL_COMPLETE"
+
+# What the user can do about an operating system's refusal
+_OS_HINTS = {
+    errno.ENOSPC: "free some space or choose another output",
+    errno.EDQUOT: "free some of your quota or choose another output",
+    errno.EACCES: "check the permissions",
+    errno.EPERM: "check the permissions",
+    errno.EROFS: "choose a place that can be written",
+    errno.ENOENT: "check the path",
+    errno.EMFILE: "raise the limit of open files (ulimit -n)",
+}
+
+
+class Terminated(BaseException):
+    """SIGTERM arrived. An exception, so that everything on the way out cleans up."""
+
+
+class LazyGroup(click.Group):
+    """A group whose commands are imported only when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 (click's signature)
+        """Return the commands' names in the table's order."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        """Import a command; it takes the group's own options too, so that they may stand behind it."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(COMMANDS[cmd_name][0]).command
+        known = {param.name for param in command.params}
+        command.params += [option for option in _common_options() if option.name not in known]
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command to call. Raises UsageError naming the nearest one when there is none."""
+        if args[0] not in COMMANDS and not args[0].startswith("-") and not ctx.resilient_parsing:
+            near = difflib.get_close_matches(args[0], COMMANDS, n=1, cutoff=0.0)[0]
+            hint = f"did you mean '{near}'? All commands: {', '.join(COMMANDS)}"
+            raise UsageError(f"no such command '{args[0]}'", hint=hint)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """Write the table of commands without importing one."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete a command's name without importing one."""
+        names = [CompletionItem(name, help=text) for name, (_, text) in COMMANDS.items() if name.startswith(incomplete)]
+        return names + click.Command.shell_complete(self, ctx, incomplete)
+
+
+def _common_options() -> list[click.Option]:
+    """-v, -q and --debug set the console, wherever they stand."""
+
+    def switch(ctx: click.Context, param: click.Parameter, value: bool) -> None:
+        if value:
+            setattr(ctx.ensure_object(Console), str(param.name), True)
+
+    def flag(*names: str, help: str) -> click.Option:
+        return click.Option(names, is_flag=True, is_eager=True, expose_value=False, callback=switch, help=help)
+
+    return [
+        flag("-v", "--verbose", help="Tell more of what is going on."),
+        flag("-q", "--quiet", help="No progress, logs and warnings; results and errors only."),
+        flag("--debug", help="Print the traceback of an error."),
+    ]
+
+
+@click.group(
+    "landtool",
+    cls=LazyGroup,
+    params=list(_common_options()),
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+@click.version_option(__version__, message="landtool %(version)s")
+@click.pass_context
+def cli(ctx: click.Context) -> None:
+    """Measure, track and explain a landing on a moving platform, from recorded video. Offline."""
+    if ctx.invoked_subcommand is None:
+        ctx.ensure_object(Console).result(ctx.get_help())
+
+
+def main() -> NoReturn:
+    """Run the program with the arguments it was called with, and exit with its code."""
+    signal.signal(signal.SIGTERM, _terminate)
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(args: list[str]) -> int:
+    """Run the program and return its exit code; every error becomes one line on stderr."""
+    console = Console()
+    try:
+        code = _call(args, console)
+    except BrokenPipeError:
+        code = 1  # who read the results went away: nobody is left to tell
+    except BaseException as error:
+        code = _report(error, console)
+    _close_stdout()
+    return code
+
+
+def _call(args: list[str], console: Console) -> int:
+    """Parse and call. A command's return value is the exit code, None is 0."""
+    instruction = os.environ.get(COMPLETE_VARIABLE)
+    if instruction:
+        return shell_complete(cli, {}, "landtool", COMPLETE_VARIABLE, instruction)
+    try:
+        with cli.make_context("landtool", args, obj=console) as ctx:
+            value: Any = cli.invoke(ctx)
+    except click.exceptions.Exit as done:  # --help and --version end so
+        return done.exit_code
+    return value if isinstance(value, int) else 0
+
+
+def _report(error: BaseException, console: Console) -> int:
+    """Print the line an error deserves and return its exit code."""
+    if console.debug:
+        console.traceback("".join(traceback.format_exception(error)))
+    if isinstance(error, KeyboardInterrupt | click.Abort):
+        console.error("interrupted; outputs not finished were removed")
+        return 130
+    if isinstance(error, Terminated):
+        console.error("terminated; outputs not finished were removed")
+        return 143
+    if isinstance(error, SystemExit):
+        return error.code if isinstance(error.code, int) else int(error.code is not None)
+    text, code = _explain(error, console)
+    console.error(text)
+    return code
+
+
+def _explain(error: BaseException, console: Console) -> tuple[str, int]:
+    """Return an error's line and exit code."""
+    if isinstance(error, LandtoolError):
+        return str(error), error.exit_code
+    if isinstance(error, click.ClickException):
+        return _click_text(error), error.exit_code
+    place = f"{console.file}: " if console.file else ""
+    if isinstance(error, MemoryError):
+        return f"{place}out of memory; close other programs or use a smaller input", 1
+    if isinstance(error, OSError) and (error.filename or error.errno in _OS_HINTS):
+        name = f"{error.filename}: " if error.filename else place
+        hint = _OS_HINTS.get(error.errno or 0, "check the file and its place")
+        return f"{name}{error.strerror or error}; {hint}", 1
+    detail = f"{type(error).__name__}: {error}".rstrip(": ")
+    advice = "please report it with this traceback" if console.debug else "run again with --debug to see where"
+    return f"{place}internal error: {detail}; {advice}", 1
+
+
+def _click_text(error: click.ClickException) -> str:
+    """Return click's message as `reason; what to do`."""
+    if isinstance(error, click.NoSuchOption):
+        reason = f"no such option '{error.option_name}'"
+        if error.possibilities:
+            return f"{reason}; did you mean {' or '.join(error.possibilities)}?"
+    else:
+        message = " ".join(error.format_message().split()).rstrip(".")
+        reason = message[:1].lower() + message[1:]
+    context = error.ctx if isinstance(error, click.UsageError) else None
+    return f"{reason}; see '{context.command_path if context else 'landtool'} --help'"
+
+
+def _terminate(signum: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001 (a signal handler's signature)
+    raise Terminated
+
+
+def _close_stdout() -> None:
+    """Drop what stdout could not take, or the interpreter would fail on it once more at its end."""
+    try:
+        sys.stdout.flush()
+    except (OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,78 @@
+"""Options that several commands share: each is declared once, with its bounds.
+
+Paths are handed over unchecked: the library says what is wrong with a file, in one style.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+Decorated = TypeVar("Decorated", bound=Callable[..., Any])
+Decorator = Callable[[Decorated], Decorated]
+
+PATH = click.Path(path_type=Path)
+# Open bounds: a camera that sees nothing or everything has no focal length
+HFOV_DEG = click.FloatRange(0.0, 180.0, min_open=True, max_open=True)
+FPS = click.FloatRange(0.0, 1000.0, min_open=True)
+DIAMETER_M = click.FloatRange(0.01, 100.0)
+
+
+def inputs(function: Decorated) -> Decorated:
+    """Take one or more recordings: `inputs`, a tuple of paths."""
+    return click.argument("inputs", metavar="INPUT...", type=PATH, nargs=-1, required=True)(function)
+
+
+def output(help: str, *, required: bool = False) -> Decorator[Decorated]:
+    """Take `-o/--output PATH`: `output`."""
+    return click.option("-o", "--output", type=PATH, required=required, help=help)
+
+
+def overwrite(function: Decorated) -> Decorated:
+    """Take `--overwrite`: `overwrite`, a bool."""
+    return click.option("--overwrite", is_flag=True, help="Replace outputs that exist.")(function)
+
+
+def camera(function: Decorated) -> Decorated:
+    """Take `--camera FILE` and `--hfov DEG`: `camera`, a path, and `hfov`, degrees; None when not given."""
+    function = click.option(
+        "--hfov",
+        type=HFOV_DEG,
+        metavar="DEG",
+        help="Horizontal field of view, in place of a camera file: no distortion, and every output says so.",
+    )(function)
+    return click.option(
+        "--camera",
+        type=PATH,
+        metavar="FILE",
+        help="Calibration: ROS camera_info YAML, Kalibr camchain or OpenCV FileStorage. An MCAP log can hold its own.",
+    )(function)
+
+
+def pad(function: Decorated) -> Decorated:
+    """Take `--pad FILE`: `pad`, the path of a pad TOML, None when not given."""
+    return click.option("--pad", type=PATH, metavar="FILE", help="The target as TOML.  [default: pad v1, D = 1.0 m]")(
+        function
+    )
+
+
+def topic(function: Decorated) -> Decorated:
+    """Take `--topic NAME`: `topic`, None when not given."""
+    return click.option("--topic", metavar="NAME", help="Image topic of an MCAP log that holds more than one.")(
+        function
+    )
+
+
+def fps(function: Decorated) -> Decorated:
+    """Take `--fps F`: `fps`, images a second, None when not given."""
+    return click.option(
+        "--fps", type=FPS, metavar="F", help="Frame rate of a folder of images, which has no clock of its own."
+    )(function)
+
+
+def config(function: Decorated) -> Decorated:
+    """Take `--config FILE`: `config`, a path, None when not given."""
+    return click.option("--config", type=PATH, metavar="FILE", help="Settings as TOML; options win over it.")(function)
