@@ -7,9 +7,10 @@ drawing; properties ending in `_m` are metres in the pad frame (x to the top of 
 from __future__ import annotations
 
 import difflib
+import json
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -141,22 +142,27 @@ class PadSpec:
         lines = [f"name = {_toml(self.name)}", f"diameter_m = {_toml(self.diameter_m)}"]
         parts = {key: getattr(self, key) for key in _PARTS}
         lines += [f"{key} = false" for key, part in parts.items() if part is None]
+        lines += [] if self.tags else ["tags = []"]  # before the first table, or it would belong to it
         for key, part in parts.items():
             if part is not None:
                 lines += ["", f"[{key}]", *_toml_lines(part)]
         for tag in self.tags:
             lines += ["", "[[tags]]", *_toml_lines(tag)]
-        return "\n".join(lines) + ("\n" if self.tags else "\ntags = []\n")
+        return "\n".join(lines) + "\n"
 
     @classmethod
     def _from_mapping(cls, data: Mapping[str, Any]) -> PadSpec:
-        _refuse_unknown(data, [field.name for field in fields(cls)], "")
+        refuse_unknown_keys(data, [field.name for field in fields(cls)])
         values: dict[str, Any] = {key: data[key] for key in ("name", "diameter_m") if key in data}
         for key, kind in _PARTS.items():
             if key in data:
                 values[key] = None if data[key] is False else _part(kind, data[key], key)
         if "tags" in data:
+            if not isinstance(data["tags"], list):
+                raise InputError("tags must be a list of tables", hint="begin each tag with [[tags]]")
             values["tags"] = tuple(_part(PadTag, tag, "tags") for tag in data["tags"])
+        if not isinstance(values.get("name", ""), str):
+            raise InputError("name must be a text")
         diameter = values.get("diameter_m", 1.0)
         if isinstance(diameter, bool) or not isinstance(diameter, int | float):
             raise InputError("diameter_m must be a number")
@@ -255,7 +261,11 @@ def _letter_outline(letter: Letter) -> Array:
     return np.array(left + [(-a, -b) for a, b in left])
 
 
-def _refuse_unknown(data: Mapping[str, Any], known: list[str], where: str) -> None:
+def refuse_unknown_keys(data: Mapping[str, Any], known: Sequence[str], where: str = "") -> None:
+    """Raise InputError for the first key of a TOML table that is not known, naming the nearest one that is.
+
+    where: the table's own name with a dot behind it, empty for the whole file.
+    """
     for key in data:
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1, cutoff=0.0)[0]
@@ -267,14 +277,16 @@ def _part(kind: type, data: Any, where: str) -> Any:
     if not isinstance(data, Mapping):
         raise InputError(f"'{where}' must be a table or false")
     known = {field.name: field.default for field in fields(kind)}
-    _refuse_unknown(data, list(known), f"{where}.")
+    refuse_unknown_keys(data, list(known), f"{where}.")
     values = dict(data)
     for key, value in values.items():
         name, default = f"{where}.{key}", known[key]
         if key == "color":
             values[key] = _color(value, name)
         elif key == "family":
-            values[key] = canonical_name(str(value))
+            if not isinstance(value, str):
+                raise InputError(f"{name} must be a text")
+            values[key] = canonical_name(value)
         elif isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise InputError(f"{name} must be a finite number")
         elif isinstance(default, int) and not isinstance(value, int):
@@ -283,14 +295,14 @@ def _part(kind: type, data: Any, where: str) -> Any:
 
 
 def _color(value: Any, name: str) -> Color:
-    if isinstance(value, list) and len(value) == 3 and all(isinstance(v, int) and 0 <= v <= 255 for v in value):
+    if isinstance(value, list) and len(value) == 3 and all(type(v) is int and 0 <= v <= 255 for v in value):
         return value[0], value[1], value[2]
     raise InputError(f"{name} must be three whole numbers from 0 to 255 (red, green, blue)")
 
 
 def _toml(value: object) -> str:
     if isinstance(value, str):
-        return '"' + value.replace("\\", "\\\\").replace('"', '\\"') + '"'
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # a TOML basic string is a JSON one
     return str(list(value)) if isinstance(value, tuple) else repr(value)
 
 
