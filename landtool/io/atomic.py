@@ -1,0 +1,207 @@
+"""Outputs that appear whole or not at all.
+
+Everything is written under a temporary name beside its target, `.landtool-` and eight hexadecimal digits, flushed to
+the disk and then renamed. A run that was killed outright may leave such a name behind; it is safe to delete.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from landtool.errors import OutputError, OutputExistsError, UsageError
+
+TEMPORARY_PREFIX = ".landtool-"
+
+# What the user can do about a write that failed
+_HINTS = {
+    errno.ENOSPC: "free some space or choose another -o",
+    errno.EDQUOT: "free some of your quota or choose another -o",
+    errno.EFBIG: "the file system or a limit forbids files of this size; choose another -o",
+    errno.EROFS: "choose another -o on a writable file system",
+    errno.EACCES: "change the folder's permissions or choose another -o",
+    errno.EPERM: "change the folder's permissions or choose another -o",
+    errno.ENOTDIR: "a part of the path is a file; choose another -o",
+    errno.EEXIST: "a part of the path is a file; choose another -o",
+    errno.ENAMETOOLONG: "choose a shorter name",
+}
+# Only a write fails with these, so they need no file name to tell whose error it is
+_ONLY_WRITES = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
+
+
+@contextmanager
+def atomic_path(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
+    """Yield a temporary path of the same suffix; when the block ends well it is renamed to `path`.
+
+    The temporary file exists and is empty when the block starts, so a place that cannot be written fails before the
+    work. Missing parents are created. Any exception, KeyboardInterrupt too, removes what was written.
+
+    Raises OutputExistsError when `path` exists and `overwrite` is false, UsageError when it is a folder or a device,
+    OutputError when the disk is full, read-only or forbidden.
+    """
+    _refuse_target(path, overwrite)
+    with _output_errors(path), _reserved(path, _create_file) as temporary:
+        yield temporary
+        _sync(temporary)
+        _refuse_target(path, overwrite)  # another run may have finished meanwhile
+        temporary.replace(path)
+        _sync(path.parent)
+
+
+@contextmanager
+def atomic_folder(path: Path, *, overwrite: bool = False, mark: str = "run.json") -> Iterator[Path]:
+    """Yield a temporary folder; when the block ends well it is renamed to `path`, whole.
+
+    An empty folder counts as free. With `overwrite` an existing folder is replaced when it holds the file `mark`,
+    which tells landtool's own outputs. Any exception removes what was written and leaves an old folder as it was.
+
+    Raises OutputExistsError when `path` is taken and `overwrite` is false, UsageError when it is a file, the current
+    folder or holds files landtool did not write, OutputError when it cannot be written.
+    """
+    target = path.resolve()  # a link to a folder stays a link
+    _refuse_folder(path, target, overwrite, mark)
+    with _output_errors(path), _reserved(target, Path.mkdir) as temporary:
+        yield temporary
+        _sync_tree(temporary)
+        _refuse_folder(path, target, overwrite, mark)
+        _swap_folder(temporary, target)
+        _sync(target.parent)
+
+
+def refuse_input_as_output(inputs: Iterable[Path], output: Path) -> None:
+    """Raise UsageError when `output` is one of the inputs, holds one or lies in one; links are followed."""
+    place = output.resolve()
+    for item in inputs:
+        source = item.resolve()
+        same = source == place or (output.exists() and item.exists() and item.samefile(output))
+        if same:
+            raise UsageError("is the input itself, which is never changed", file=output, hint="choose another -o")
+        if place in source.parents:
+            raise UsageError(f"holds the input {item}", file=output, hint="choose another -o")
+        if source in place.parents:
+            raise UsageError(f"lies in the input {item}", file=output, hint="choose an -o outside of it")
+
+
+@contextmanager
+def _output_errors(path: Path) -> Iterator[None]:
+    """Turn the OSErrors of writing `path` into OutputError; others, as of a reader, pass."""
+    try:
+        yield
+    except OutputError as error:
+        parts = Path(error.file or "").parts
+        inside = [i for i, part in enumerate(parts) if part.startswith(TEMPORARY_PREFIX)]
+        if not inside:
+            raise
+        # a file of a folder being made: name it as it would have been called
+        raise OutputError(error.reason, file=path.joinpath(*parts[inside[0] + 1 :]), hint=error.hint) from error
+    except OSError as error:
+        folder = os.path.realpath(path.parent)
+        named = isinstance(error.filename, str | os.PathLike) and _is_ours(str(error.filename), folder)
+        if not named and error.errno not in _ONLY_WRITES:
+            raise
+        reason = f"cannot be written: {error.strerror or error}"
+        raise OutputError(reason, file=path, hint=_HINTS.get(error.errno or 0, "choose another -o")) from error
+
+
+def _is_ours(name: str, folder: str) -> bool:
+    """Whether `name` is a temporary name, something in one, or a part of the path to `folder`."""
+    place = os.path.realpath(name)
+    return TEMPORARY_PREFIX in place or place == folder or folder.startswith(place + os.sep)
+
+
+@contextmanager
+def _reserved(path: Path, create: Callable[[Path], None]) -> Iterator[Path]:
+    """Create a temporary sibling of `path` and its missing parents; remove on failure whatever is left of them."""
+    temporary = path.parent / f"{TEMPORARY_PREFIX}{secrets.token_hex(4)}{path.suffix}"
+    new_parents = [parent for parent in path.parents if not parent.exists()]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        create(temporary)
+        yield temporary
+    except BaseException:
+        _remove(temporary)
+        for parent in new_parents:
+            with suppress(OSError):  # not empty: somebody else uses it by now
+                parent.rmdir()
+        raise
+
+
+def _create_file(path: Path) -> None:
+    path.touch(exist_ok=False)
+
+
+def _refuse_target(path: Path, overwrite: bool) -> None:
+    if path.is_dir():
+        raise UsageError("is a folder, a file is to be written", file=path, hint="choose another -o")
+    if path.exists() and not path.is_file():
+        raise UsageError("is no regular file", file=path, hint="choose another -o")
+    if os.path.lexists(path) and not overwrite:
+        raise OutputExistsError(path)
+
+
+def _refuse_folder(path: Path, target: Path, overwrite: bool, mark: str) -> None:
+    if not os.path.lexists(target):
+        return
+    if not target.is_dir():
+        raise UsageError("is a file, a folder is to be written", file=path, hint="choose another -o")
+    here = Path.cwd()
+    if target == here or target in here.parents:
+        raise UsageError("is the current folder, which cannot be replaced", file=path, hint="name a new folder with -o")
+    try:
+        names = {entry.name for entry in target.iterdir()}
+    except OSError as error:
+        raise OutputError(f"cannot be read: {error.strerror}", file=path, hint="choose another -o") from error
+    if names and not overwrite:
+        raise OutputExistsError(path)
+    if names and mark not in names:
+        raise UsageError("holds files landtool did not write", file=path, hint="choose another -o or empty it")
+
+
+def _swap_folder(temporary: Path, target: Path) -> None:
+    """Rename `temporary` to `target`; an old folder is moved aside first and back if that fails."""
+    aside = target.parent / f"{TEMPORARY_PREFIX}{secrets.token_hex(4)}"
+    had_old = target.exists()
+    if had_old:
+        target.rename(aside)
+    try:
+        temporary.rename(target)
+    except BaseException:
+        if had_old:
+            aside.rename(target)
+        raise
+    if had_old:
+        shutil.rmtree(aside, ignore_errors=True)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink()
+
+
+def _sync_tree(folder: Path) -> None:
+    for root, _, files in os.walk(folder):
+        for name in files:
+            _sync(Path(root, name))
+        _sync(Path(root))
+
+
+def _sync(path: Path) -> None:
+    """Flush a file or folder to the disk."""
+    if path.is_dir() and os.name != "posix":
+        return  # only POSIX opens folders
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # some network file systems cannot
+            raise
+    finally:
+        os.close(handle)
