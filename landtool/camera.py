@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal, get_args
 
 import cv2
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
 from landtool.errors import InputError, UsageError
@@ -78,10 +80,15 @@ class Camera:
         return self.model == "equidistant" or any(self.distortion)
 
     def project(self, points_m: ArrayLike) -> Array:
-        """Project points (N, 3) of the camera frame, in metres, to pixels (N, 2); NaN for points not in front."""
+        """Project points (N, 3) of the camera frame, in metres, to pixels (N, 2).
+
+        NaN for points not in front, and for points so far to the side that the lens model folds them back inwards.
+        """
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
         pixels = np.full((len(points), 2), np.nan)
-        front = points[:, 2] > 1e-9
+        with np.errstate(invalid="ignore"):
+            front = points[:, 2] > 1e-9
+            front &= np.hypot(points[:, 0], points[:, 1]) < self._reach * points[:, 2]
         if front.any():
             pixels[front] = self._distort(points[front, :2] / points[front, 2:])
         return pixels
@@ -138,6 +145,20 @@ class Camera:
         turned = replace(self, width=self.height, height=self.width, fx=self.fy, fy=self.fx, distortion=tuple(d))
         return replace(turned, cx=self.height - 1 - self.cy, cy=self.cx)
 
+    @cached_property
+    def _reach(self) -> float:
+        """The distance from the axis, at z = 1, up to which the lens model is one-to-one; inf when it always is."""
+        if self.model == "equidistant":
+            # theta (1 + k1 s + k2 s^2 + k3 s^3 + k4 s^4), s = theta^2, stops growing where its derivative is 0
+            slope = Polynomial([1.0, *(k * (2 * i + 3) for i, k in enumerate(self.distortion))])
+            theta = math.sqrt(_first_root(slope))
+            return math.tan(theta) if theta < math.pi / 2 else math.inf
+        k1, k2, _, _, k3, *below = self.distortion
+        n, d = Polynomial([1.0, k1, k2, k3]), Polynomial([1.0, *below])
+        # r n(s) / d(s), s = r^2, stops growing where n d + 2 s (n' d - n d') = 0, and jumps where d = 0
+        slope = n * d + Polynomial([0.0, 2.0]) * (n.deriv() * d - n * d.deriv())
+        return math.sqrt(min(_first_root(slope), _first_root(d)))
+
     def _distort(self, flat: Array) -> Array:
         """Take undistorted coordinates (N, 2) to pixels (N, 2)."""
         if not self.has_distortion:
@@ -149,3 +170,10 @@ class Camera:
             points = np.column_stack([flat, np.ones(len(flat))])
             bent, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), self.matrix, coefficients)
         return np.asarray(bent, dtype=np.float64).reshape(-1, 2)
+
+
+def _first_root(polynomial: Polynomial) -> float:
+    """Return the smallest real root above zero, inf when there is none."""
+    roots = polynomial.trim().roots()
+    real = roots.real[(np.abs(roots.imag) < 1e-9 * np.abs(roots)) & (roots.real > 0)]
+    return float(real.min(initial=np.inf))

@@ -67,6 +67,31 @@ def test_points_not_in_front_have_no_pixel(camera: Camera) -> None:
     assert np.isnan(pixels[3]).any()
 
 
+FOLDING = {
+    "plumb_bob": Camera(640, 480, 554.0, 554.0, 320.0, 240.0, "plumb_bob", (-0.3, 0.0, 0.0, 0.0, 0.0)),
+    "rational": Camera(640, 480, 554.0, 554.0, 320.0, 240.0, "rational_polynomial", (0.1, 0, 0, 0, 0, 0.5, 0.3, 0)),
+    "equidistant": Camera(640, 480, 300.0, 300.0, 320.0, 240.0, "equidistant", (0.0, -0.2, 0.0, 0.0)),
+}
+
+
+@pytest.mark.parametrize("name", FOLDING)
+def test_a_point_far_to_the_side_does_not_land_in_the_picture(name: str) -> None:
+    camera = FOLDING[name]
+    x = np.linspace(0.0, 6.0, 2001)
+    u = camera.project(np.column_stack([x, np.zeros_like(x), np.ones_like(x)]))[:, 0]
+    seen = np.isfinite(u)
+    assert 0 < seen.sum() < len(x)
+    assert not np.diff(seen.astype(int)).max() > 0  # once out of view, out of view
+    assert (np.diff(u[seen]) > 0).all()
+    # and what is cut off is no more than the folding part: the last step is nearly flat
+    assert np.diff(u[seen])[-1] < 0.02 * np.diff(u[seen])[0]
+
+
+def test_lenses_that_do_not_fold_see_everything_in_front(camera: Camera) -> None:
+    assert np.isfinite(camera.project(points_in_view(camera))).all()
+    assert np.isfinite(PINHOLE.project([[1e6, 0.0, 1.0]])).all()
+
+
 def test_no_points_give_no_pixels(camera: Camera) -> None:
     assert camera.project(np.zeros((0, 3))).shape == (0, 2)
     assert camera.normalize(np.zeros((0, 2))).shape == (0, 2)

@@ -182,5 +182,5 @@ def test_a_wrong_file_is_named_with_its_key(text: str, said: str, hint: str, tmp
 
 
 def test_a_missing_file_is_a_wrong_request(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="none.toml"):
+    with pytest.raises(UsageError, match=r"none\.toml"):
         PadSpec.read(tmp_path / "none.toml")
