@@ -226,7 +226,10 @@ class PadSpec:
         return painted
 
     def _tag_shapes(self, tag: PadTag) -> list[Shape]:
-        """Paint the whole reference image: one black square, then every run of white modules in a row."""
+        """Paint the whole reference image: one white square, then every run of black modules in a row.
+
+        White first: the other way round, a black rim would shine through at the edge of the white border.
+        """
         family = tag_family(tag.family)
         modules = family.modules(tag.id)
         n = family.total_modules
@@ -239,10 +242,10 @@ class PadSpec:
             square = np.array([[x0, y0, 0.0], [x1, y0, 0.0], [x1, y1, 0.0], [x0, y1, 0.0]])
             return Shape(pad_T_tag.apply(square)[:, :2], color)
 
-        painted = [rectangle(0, 0, n, n, BLACK)]
+        painted = [rectangle(0, 0, n, n, WHITE)]
         for row in range(n):
-            edges = np.flatnonzero(np.diff(np.concatenate([[0], modules[row].astype(int), [0]])))
-            painted += [rectangle(row, a, 1, b - a, WHITE) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], (~modules[row]).astype(int), [0]])))
+            painted += [rectangle(row, a, 1, b - a, BLACK) for a, b in zip(edges[::2], edges[1::2], strict=True)]
         return painted
 
 
