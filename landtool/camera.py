@@ -52,7 +52,7 @@ class Camera:
             raise InputError("a camera parameter is not a finite number", hint="calibrate the camera again")
         if self.fx <= 0 or self.fy <= 0:
             raise InputError(
-                f"focal length {self.fx:g}, {self.fy:g} is not positive", hint="the camera is uncalibrated"
+                f"focal length {self.fx:g}, {self.fy:g} is not positive", hint="calibrate the camera first"
             )
         if self.width < 1 or self.height < 1:
             raise InputError(f"image size {self.width}x{self.height} is not positive")
