@@ -1,0 +1,155 @@
+"""Plane textures in linear light: the pad's own picture with exact coverage at every edge, and its mip pyramid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import groupby
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from landtool.geometry import Array
+from landtool.pad import PadSpec, Shape
+from landtool.tone import srgb_decode
+
+Texels = NDArray[np.uint16]
+Mask = NDArray[np.bool_]
+
+# Texels across the printed extent. 1.10 D of pad v1 / 2200 = D / 2000, so that all its straight edges (multiples of
+# D / 100) lie between texels.
+_TEXELS_ACROSS = 2200
+# sides are multiples of this, so that the pyramid halves evenly down to a few texels
+_BLOCK = 256
+# a disc is drawn as a polygon that strays less than this many texels from the circle
+_SAGITTA = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneTexture:
+    """A picture on a plane, centred on the plane frame's origin: its columns run along -y, its rows along -x.
+
+    levels[i]: (n_i, n_i, C) uint16, linear light (65535 is white), blue first; C = 3, or 4 with coverage (then the
+    colours are premultiplied). Each level averages 2x2 texels of the one before. texel_m: edge of a texel of level 0.
+    busy[i]: (n_i, n_i), False where a texel and all around it, in all finer levels too, are one colour; or empty.
+    repeats: whether the picture tiles the plane.
+    """
+
+    levels: tuple[Texels, ...]
+    texel_m: float
+    busy: tuple[Mask, ...] = ()
+    repeats: bool = False
+
+    @property
+    def texel_T_plane(self) -> Array:
+        """The homography (3, 3) from metres (x, y, 1) on the plane to level 0's (column, row, 1), integer centres."""
+        half, scale = self.levels[0].shape[0] / 2.0 - 0.5, 1.0 / self.texel_m
+        return np.array([[0.0, -scale, half], [-scale, 0.0, half], [0.0, 0.0, 1.0]])
+
+
+@dataclass(frozen=True, eq=False)
+class PadTexture(PlaneTexture):
+    """A pad's picture with four channels; nothing is outside what is printed. `extent_m`: its printed square."""
+
+    extent_m: float = 0.0
+
+
+@lru_cache(maxsize=4)
+def pad_texture(pad: PadSpec) -> PadTexture:
+    """Return the texture of a pad, about 60 MB; the last few are kept."""
+    texel_m = pad.extent_m / _TEXELS_ACROSS
+    n = math.ceil((_TEXELS_ACROSS + 4) / _BLOCK) * _BLOCK
+    picture = np.zeros((n, n, 4), dtype=np.float32)
+    # neighbours of one colour share edges, so their coverage adds up; painted one by one a seam would show
+    for color, group in groupby(pad.shapes(), key=lambda shape: shape.color):
+        _paint(picture, list(group), color, texel_m)
+    levels = pyramid(picture)
+    return PadTexture(levels, texel_m, _busy(levels), extent_m=pad.extent_m)
+
+
+def pyramid(picture: NDArray[np.float32]) -> tuple[Texels, ...]:
+    """Return the levels of a picture (n, n, C) float32 in [0, 1]; n is a multiple of 256."""
+    levels = []
+    while True:
+        levels.append(np.rint(picture * 65535.0).astype(np.uint16))
+        n = picture.shape[0]
+        if n % 2 or n <= 4:
+            return tuple(levels)
+        picture = np.asarray(cv2.resize(picture, (n // 2, n // 2), interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def polygon_coverage(points: Array) -> tuple[Array, int, int]:
+    """Return how much of each texel a polygon covers, exactly: (coverage (h, w) in [0, 1], first column, first row).
+
+    points: (N, 2) column and row, where texel i spans [i, i + 1]. The polygon must not cross itself.
+    """
+    x0, y0 = np.floor(points.min(axis=0)).astype(int)
+    x1, y1 = np.ceil(points.max(axis=0)).astype(int)
+    track = np.concatenate(list(_cut(points - (x0, y0))))
+    step = np.diff(track, axis=0)
+    middle = track[:-1] + step / 2.0
+    cell = np.floor(middle).astype(int)
+    # Each piece lies in one texel. The area to its right: 1 - inside of this texel, and all of those that follow,
+    # which the running sum along the row carries on; the spare column takes what leaves the box.
+    dy, inside = step[:, 1], middle[:, 0] - cell[:, 0]
+    stride = x1 - x0 + 2
+    at, size = cell[:, 1] * stride + cell[:, 0], (y1 - y0 + 1) * stride
+    total = np.bincount(at, dy * (1.0 - inside), size) + np.bincount(at + 1, dy * inside, size)
+    covered = np.abs(np.cumsum(total.reshape(-1, stride), axis=1))[:-1, :-1]
+    return np.minimum(covered, 1.0), int(x0), int(y0)
+
+
+def _cut(points: Array) -> Iterator[Array]:
+    """Yield the points where the polygon crosses texel borders, edge by edge, each with both its ends."""
+    for a, b in zip(points, np.roll(points, -1, axis=0), strict=True):
+        t = np.unique(np.concatenate([[0.0, 1.0], _crossings(a[0], b[0]), _crossings(a[1], b[1])]))
+        yield a + t[:, None] * (b - a)
+
+
+def _crossings(a: float, b: float) -> Array:
+    low, high = min(a, b), max(a, b)
+    if high == low:
+        return np.zeros(0)
+    lines = np.arange(math.ceil(low), math.floor(high) + 1, dtype=np.float64)
+    cuts: Array = (lines - a) / (b - a)
+    return cuts
+
+
+def _paint(picture: NDArray[np.float32], shapes: list[Shape], color: tuple[int, int, int], texel_m: float) -> None:
+    """Paint shapes of one colour over a premultiplied picture."""
+    n = picture.shape[0]
+    cover = np.zeros((n, n))
+    for shape in shapes:
+        # column along -y, row along -x; edges of texels, hence no half
+        points = n / 2.0 - _outline(shape, texel_m)[:, ::-1] / texel_m
+        part, x, y = polygon_coverage(points)
+        cover[y : y + part.shape[0], x : x + part.shape[1]] += part
+    rows, columns = np.flatnonzero(cover.any(axis=1)), np.flatnonzero(cover.any(axis=0))
+    window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    c = np.minimum(cover[window], 1.0)[:, :, None].astype(np.float32)
+    paint = np.append(srgb_decode(np.array(color[::-1]) / 255.0), 1.0).astype(np.float32)
+    picture[window] += c * (paint - picture[window])
+
+
+def _outline(shape: Shape, texel_m: float) -> Array:
+    if not shape.radius_m:
+        return shape.points_m
+    # a chord over the angle 2a leaves the circle by r (1 - cos a), about r a^2 / 2
+    sides = math.ceil(math.pi / math.sqrt(2.0 * _SAGITTA * texel_m / shape.radius_m))
+    angle = np.arange(sides) * (2.0 * math.pi / sides)
+    rim: Array = shape.points_m[0] + shape.radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
+    return rim
+
+
+def _busy(levels: tuple[Texels, ...]) -> tuple[Mask, ...]:
+    near = np.ones((3, 3), np.uint8)
+    differs = np.asarray(cv2.morphologyEx(levels[0], cv2.MORPH_GRADIENT, near)).max(axis=2) > 0
+    masks = [differs]
+    for level in levels[1:]:
+        n = level.shape[0]
+        differs = differs.reshape(n, 2, n, 2).any(axis=(1, 3))
+        masks.append(np.asarray(cv2.dilate(differs.astype(np.uint8), near)) > 0)
+    return tuple(masks)

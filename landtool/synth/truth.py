@@ -1,0 +1,82 @@
+"""What a perfect observer would say about a rendered picture: corners, boxes, and how much of the target is seen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from landtool.camera import Camera
+from landtool.geometry import Array, Pose
+from landtool.pad import PadSpec, PadTag
+from landtool.synth.render import sees_upper_side
+
+_RIM_POINTS = 720
+
+
+def tag_corners_px(camera: Camera, camera_T_pad: Pose, pad: PadSpec, tag: PadTag) -> Array:
+    """Return a tag's corners (4, 2) in pixels, in the image or not; NaN for those not in front of the camera.
+
+    Order: the upright tag's top-left, top-right, bottom-right, bottom-left.
+    """
+    return camera.project(camera_T_pad.apply(pad.tag_corners_m(tag)))
+
+
+def ring_box_px(camera: Camera, camera_T_pad: Pose, pad: PadSpec, *, clip: bool = True) -> Array | None:
+    """Return the tight box (4,) around the outer circle of the pad's ring: x_min, y_min, x_max, y_max in pixels.
+
+    clip: the box of the part inside the image [-0.5, W - 0.5], [-0.5, H - 0.5], else of the whole circle. None when
+    the pad has no ring, is seen from behind, is not wholly in front of the camera, or nothing of it is in the image.
+    """
+    rim = _rim_px(camera, camera_T_pad, pad)
+    if rim is None:
+        return None
+    part = _clipped(rim, camera)
+    if not len(part):
+        return None
+    points = part if clip else rim
+    return np.concatenate([points.min(axis=0), points.max(axis=0)])
+
+
+def visible(camera: Camera, camera_T_pad: Pose, pad: PadSpec) -> float:
+    """Return the part of the disc inside the ring's outer circle that the image holds, by area in pixels, in [0, 1].
+
+    0 where `ring_box_px` is None.
+    """
+    rim = _rim_px(camera, camera_T_pad, pad)
+    if rim is None:
+        return 0.0
+    return float(np.clip(_area(_clipped(rim, camera)) / _area(rim), 0.0, 1.0))
+
+
+def _rim_px(camera: Camera, camera_T_pad: Pose, pad: PadSpec) -> Array | None:
+    if pad.ring is None or not sees_upper_side(camera_T_pad):
+        return None
+    angle = np.arange(_RIM_POINTS) * (2.0 * np.pi / _RIM_POINTS)
+    radius = pad.ring.outer * pad.diameter_m / 2.0
+    circle = radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
+    rim = camera.project(camera_T_pad.apply(circle))
+    return rim if np.isfinite(rim).all() else None
+
+
+def _clipped(polygon: Array, camera: Camera) -> Array:
+    """Return the part (M, 2) of a convex polygon (N, 2) inside the image (Sutherland and Hodgman's clipping)."""
+    for axis, limit in ((0, camera.width - 0.5), (1, camera.height - 0.5)):
+        for sign, bound in ((1.0, -0.5), (-1.0, -limit)):
+            polygon = _half(polygon, sign * polygon[:, axis] - bound)
+    return polygon
+
+
+def _half(polygon: Array, inside: Array) -> Array:
+    """Return the part of a polygon where `inside` (N,), linear along its edges, is not negative."""
+    kept: list[Array] = []
+    for i in range(len(polygon)):
+        a, b = inside[i - 1], inside[i]
+        if (a < 0.0) != (b < 0.0):
+            kept.append(polygon[i - 1] + a / (a - b) * (polygon[i] - polygon[i - 1]))
+        if b >= 0.0:
+            kept.append(polygon[i])
+    return np.array(kept).reshape(-1, 2)
+
+
+def _area(polygon: Array) -> float:
+    x, y = polygon[:, 0], polygon[:, 1]
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
