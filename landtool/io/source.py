@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import math
 import stat
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -126,6 +127,8 @@ def open_source(path: Path | str, *, topic: str | None = None, fps: Fraction | f
         raise UsageError("has no topics, only an MCAP log has", file=path, hint="leave out --topic")
     if fps is not None and kind.name != "images":
         raise UsageError("has its own clock", file=path, hint="leave out --fps, it is for folders of images")
+    if fps is not None and not 0 < fps < math.inf:
+        raise UsageError(f"cannot have {fps} pictures a second", file=path, hint="give --fps above 0")
     return kind.open(path, topic, None if fps is None else Fraction(fps))
 
 

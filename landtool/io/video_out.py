@@ -1,0 +1,204 @@
+"""H.264 video in MP4 that plays everywhere, with the source's own times."""
+
+from __future__ import annotations
+
+import errno
+from contextlib import suppress
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+
+import av
+import cv2
+import numpy as np
+from av.container import OutputContainer
+from av.video.frame import VideoFrame
+from av.video.reformatter import ColorRange, Colorspace, Interpolation, VideoReformatter
+from av.video.stream import VideoStream
+
+from landtool.errors import OutputError, UsageError
+from landtool.types import Image
+
+NS = 1_000_000_000
+FINE = Fraction(1, 1_000_000)  # for clocks an MP4 cannot hold: at most 0.5 us off, and 71 minutes between two pictures
+MAX_TIMESCALE = 10_000_000  # an MP4 keeps the ticks between two pictures in 32 bits: 7 minutes at this scale
+KEY_FRAME_S = 2  # seconds between key frames: what a seek costs, and what a killed recording may lose
+BT709, LIMITED = 1, 1  # ITU-T H.273 codes
+X264 = {"preset": "veryfast", "crf": "20"}
+# Fragments while recording, so that a killed one can be read up to its last second; turned into a plain file with one
+# index when it is closed. The index waits for the first pictures (delay_moov), or a later start would be lost.
+MUXER = {"movflags": "hybrid_fragmented+frag_keyframe+delay_moov", "flush_packets": "1"}
+
+
+class VideoWriter:
+    """Writes pictures as H.264 (yuv420p, BT.709) with times that read back exactly as given.
+
+    width, height: pixels of the pictures; an odd side is padded by one replicated row or column, as 4:2:0 needs.
+    time_base: the source's own (`SourceInfo.time_base`), then every t_ns of that source reads back the same, a later
+    start included. None for a clock in nanoseconds (MCAP): times count from the first picture in microseconds, each
+    at most 0.5 us off. fps: for pictures without times only; picture n is at n / fps.
+    `notes` says what could not be kept: a start before zero moves to zero, a time not after the one before moves to
+    the next tick, a picture of another size is scaled to fit. Raises UsageError for pictures without times and no
+    fps, OutputError when encoding or writing fails. Not atomic by itself: give it a temporary path.
+    """
+
+    def __init__(
+        self, path: Path, width: int, height: int, time_base: Fraction | None = None, *, fps: Fraction | None = None
+    ) -> None:
+        if fps is not None and fps <= 0:
+            raise UsageError(f"a rate of {fps} pictures a second is impossible", hint="give --fps above 0")
+        self.path, self.width, self.height, self.fps = Path(path), width, height, fps
+        self.written = 0
+        self.bumped = 0
+        self.resized = 0
+        self._base = 1 / fps if fps is not None else time_base
+        self.time_base = self._base if self._base and self._base.denominator <= MAX_TIMESCALE else FINE
+        self._origin: Fraction | None = None  # seconds taken off every time
+        self._held: tuple[VideoFrame, int] | None = None  # the last picture and its pts; the next one's time ends it
+        self._step = 1  # ticks between the last two pictures
+        self._stream: VideoStream | None = None
+        self._to_yuv = VideoReformatter()
+        self._container: OutputContainer | None = self._open()
+
+    @property
+    def notes(self) -> list[str]:
+        """What could not be kept as given, one sentence each."""
+        notes = []
+        if self._origin:
+            notes.append(f"the video's time starts {float(self._origin):.9f} s later than the source's")
+        if self.time_base != self._base:
+            notes.append("the video's times are rounded to microseconds")
+        if self.bumped:
+            notes.append(f"{self.bumped} pictures not later than the one before were moved to the next tick")
+        if self.resized:
+            notes.append(f"{self.resized} pictures of another size were scaled to {self.width}x{self.height}")
+        return notes
+
+    def write(self, image: Image, t_ns: int | None) -> None:
+        """Add one picture: (H, W, 3) BGR uint8, and its time in ns on the source's clock (None with `fps`)."""
+        pts = self._pts(t_ns)
+        frame = self._frame(image)
+        if self._held is not None:
+            self._step = pts - self._held[1]
+            self._encode_held()
+        self._held = (frame, pts)
+        self.written += 1
+
+    def close(self) -> None:
+        """Finish the file. Raises OutputError when that fails or no picture was given; may be called again."""
+        container = self._container
+        if container is None:
+            return
+        try:
+            if self._held is None:
+                raise OutputError("no picture was written to it", file=self.path, hint="check the input")
+            self._encode_held()  # nothing ends the last picture: it stays as long as the one before it
+            self._mux(None)
+        except BaseException:
+            self.abandon()
+            raise
+        self._container = None
+        try:
+            container.close()
+        except (av.FFmpegError, OSError) as error:
+            raise self._failed(error) from None
+
+    def abandon(self) -> None:
+        """Release the file as it is; what was written of it can be read, but is not whole."""
+        container, self._container = self._container, None
+        if container is not None:
+            with suppress(av.FFmpegError, OSError):  # an error led here, this one would hide it
+                container.close()
+
+    def __enter__(self) -> VideoWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        else:
+            self.abandon()
+
+    def _pts(self, t_ns: int | None) -> int:
+        if self.fps is not None:
+            return self.written
+        if t_ns is None:
+            raise UsageError("its pictures have no times", file=self.path, hint="say how many a second with --fps")
+        time_s = Fraction(t_ns, NS)
+        if self._origin is None:
+            # An epoch clock starts at its first picture. MP4 holds a later start, but none before zero.
+            self._origin = time_s if self._base is None else min(time_s, Fraction(0))
+        pts = round((time_s - self._origin) / self.time_base)
+        if self._held is not None and pts <= self._held[1]:
+            self.bumped += 1
+            pts = self._held[1] + 1
+        return pts
+
+    def _frame(self, image: Image) -> VideoFrame:
+        if image.shape[:2] != (self.height, self.width):
+            self.resized += 1
+            image = np.asarray(cv2.resize(image, (self.width, self.height), interpolation=cv2.INTER_AREA), np.uint8)
+        if self.width % 2 or self.height % 2:
+            image = np.pad(image, ((0, self.height % 2), (0, self.width % 2), (0, 0)), mode="edge")
+        bgr = VideoFrame.from_ndarray(np.ascontiguousarray(image), format="bgr24")
+        # Without accurate rounding every conversion darkens by up to two levels.
+        return self._to_yuv.reformat(
+            bgr,
+            format="yuv420p",
+            dst_colorspace=Colorspace.ITU709,
+            dst_color_range=ColorRange.MPEG,
+            interpolation=Interpolation.BILINEAR | Interpolation.ACCURATE_RND,
+            threads=1,
+        )
+
+    def _encode_held(self) -> None:
+        if self._held is None:
+            return
+        frame, pts = self._held
+        frame.pts = pts
+        frame.time_base, frame.duration = self.time_base, self._step
+        self._mux(frame)
+
+    def _mux(self, frame: VideoFrame | None) -> None:
+        if self._container is None:
+            raise OutputError("is closed already", file=self.path)
+        try:
+            if self._stream is None:
+                self._stream = self._start(self._container)
+            self._container.mux(self._stream.encode(frame))
+        except (av.FFmpegError, OSError) as error:
+            raise self._failed(error) from None
+
+    def _open(self) -> OutputContainer:
+        # The movie's own scale counts a later start; left at milliseconds it would round it.
+        scale = str(self.time_base.denominator)
+        options = MUXER | {"video_track_timescale": scale, "movie_timescale": scale}
+        try:
+            return av.open(str(self.path), "w", format="mp4", options=options)
+        except (av.FFmpegError, OSError) as error:
+            raise self._failed(error) from None
+
+    def _start(self, container: OutputContainer) -> VideoStream:
+        # Only the encoder's level and the key frames' distance follow from this rate; the times do not.
+        rate = 1 / (self._step * self.time_base)
+        stream = container.add_stream("libx264", rate=rate.limit_denominator(1001), options=dict(X264))
+        stream.width, stream.height = self.width + self.width % 2, self.height + self.height % 2
+        stream.pix_fmt = "yuv420p"
+        stream.time_base = self.time_base
+        codec = stream.codec_context
+        codec.time_base = self.time_base
+        codec.max_b_frames = 0
+        codec.gop_size = min(max(1, round(KEY_FRAME_S * rate)), 250)
+        codec.thread_count = 2
+        codec.colorspace, codec.color_range = BT709, LIMITED
+        codec.color_primaries = codec.color_trc = BT709
+        return stream
+
+    def _failed(self, error: Exception) -> OutputError:
+        code = getattr(error, "errno", None)
+        hint = "free some space or choose another -o" if code == errno.ENOSPC else "check the folder or another -o"
+        return OutputError(
+            f"cannot be written ({getattr(error, 'strerror', None) or error})", file=self.path, hint=hint
+        )
