@@ -1,0 +1,119 @@
+"""The panel of numbers in the corner of an annotated picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from landtool.geometry import Pose
+from landtool.strokes import DARK, GREEN, GREY, ORANGE, PURPLE, SKY, WHITE, YELLOW, Color, Pen, shade
+from landtool.types import FrameResult, Image, PadPose, Track
+
+UNKNOWN = "--"
+# One colour is one meaning, everywhere in the overlay
+MEASURED, TAG, BOX, TRACKED, PREDICTED = GREEN, ORANGE, YELLOW, SKY, PURPLE
+STATE_COLORS: dict[str, Color] = {"confirmed": WHITE, "tentative": GREY, "coasting": ORANGE}
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of the panel: a name, a value set to the right, and an optional mark of a colour before the name."""
+
+    name: str
+    value: str = ""
+    color: Color = WHITE
+    mark: Color | None = None
+
+
+def panel_lines(
+    result: FrameResult,
+    track: Track | None,
+    camera_T_reference: Pose | None,
+    frames_per_s: float | None,
+    *,
+    metric: bool,
+) -> list[Line]:
+    """Return what the panel says of one frame; `metric` is whether a calibrated camera gives metres."""
+    time = UNKNOWN if result.t_ns is None else f"{result.t_ns / 1e9:.3f} s"
+    lines = [
+        Line(f"#{result.index}", time),
+        Line("stage", " / ".join(v for v in (result.stage, result.search) if v) or UNKNOWN),
+    ]
+    if metric:
+        lines += _metric_lines(result.pose, track, camera_T_reference)
+    else:
+        lines += [Line("boxes", str(len(result.detections)), mark=BOX), Line("tags", str(len(result.tags)), mark=TAG)]
+    rate = UNKNOWN if frames_per_s is None else f"{frames_per_s:.0f} fps"
+    return [*lines, Line("processing", rate)]
+
+
+def _metric_lines(pose: PadPose | None, track: Track | None, camera_T_reference: Pose | None) -> list[Line]:
+    lines = [
+        Line("distance", UNKNOWN if pose is None else f"{distance_m(pose):.2f} m", mark=MEASURED),
+        Line("lateral", UNKNOWN if pose is None else f"{lateral_m(pose, camera_T_reference):.2f} m"),
+    ]
+    if track is None:
+        return [
+            *lines,
+            Line("speed", UNKNOWN),
+            Line("track", UNKNOWN, mark=TRACKED),
+            Line("prediction", UNKNOWN, mark=PREDICTED),
+        ]
+    speed = math.hypot(track.state[2], track.state[3])
+    # in the body frame the drone's own motion is part of it
+    name = "speed" if track.reference == "world" else "rel. speed"
+    return [
+        *lines,
+        Line(name, f"{speed:.2f} m/s"),
+        Line(f"track {track.track_id}", track.status, STATE_COLORS[track.status], TRACKED),
+        Line("prediction", f"+{track.horizon_s:g} s", mark=PREDICTED),
+    ]
+
+
+def distance_m(pose: PadPose) -> float:
+    """Distance from the camera to the pad's centre, metres."""
+    return math.hypot(*pose.camera_T_pad.translation)
+
+
+def lateral_m(pose: PadPose, camera_T_reference: Pose | None) -> float:
+    """How far the pad is to the side of straight below the camera, metres.
+
+    Measured across the reference frame's vertical; across the camera's own axis when there is no reference.
+    """
+    offset = pose.camera_T_pad.translation
+    if camera_T_reference is not None:
+        offset = camera_T_reference.rotation.T @ offset
+    return math.hypot(offset[0], offset[1])
+
+
+def draw_panel(image: Image, pen: Pen, lines: Sequence[Line]) -> None:
+    """Draw the panel into the top-left corner, in place: as many lines as fit; nothing when it would be too wide."""
+    pad, row = pen.text_px // 2, round(1.35 * pen.text_px)
+    mark_px = round(0.7 * pen.text_px)
+    names_px = max(pen.text_width(line.name) for line in lines)
+    # wide enough for the usual values, so that the panel keeps its size from frame to frame
+    values_px = max([pen.text_width(line.value) for line in lines] + [round(6.5 * pen.text_px)])
+    width = pad + mark_px + pad + names_px + pad + values_px + pad
+    count = min(len(lines), (pen.height - 3 * pad) // row)
+    if width + 2 * pad > pen.width or count < 1:
+        return
+    left = top = pad
+    shade(image, left, top, width, count * row + pad)
+    for i, line in enumerate(lines[:count]):
+        baseline = top + pad // 2 + (i + 1) * row - (row - pen.text_px)
+        if line.mark is not None:
+            corner = left + pad, baseline - mark_px
+            image[corner[1] : baseline, corner[0] : corner[0] + mark_px] = line.mark
+        pen.text(image, line.name, left + 2 * pad + mark_px, baseline, GREY)
+        pen.text(image, line.value, left + width - pad - pen.text_width(line.value), baseline, line.color)
+
+
+def draw_banner(image: Image, pen: Pen, text: str, ground: Color) -> None:
+    """Draw a strip with one line of text along the bottom, in place, for what must not be overlooked."""
+    pad = pen.text_px // 2
+    height = pen.text_px + pad
+    if height > pen.height:
+        return
+    image[pen.height - height :] = ground
+    pen.text(image, pen.fitted(text, pen.width - 2 * pad), pad, pen.height - round(0.75 * pad), DARK)
