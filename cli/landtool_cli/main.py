@@ -200,6 +200,8 @@ def _terminate(signum: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG00
 
 def _close_stdout() -> None:
     """Drop what stdout could not take, or the interpreter would fail on it once more at its end."""
+    if sys.stdout is None:  # started with stdout closed
+        return
     try:
         sys.stdout.flush()
     except (OSError, ValueError):

@@ -7,12 +7,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import click
 
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
-Decorator = Callable[[Decorated], Decorated]
+
+
+class Decorator(Protocol):
+    """Adds an option to a command's function."""
+
+    def __call__(self, function: Decorated, /) -> Decorated:
+        """Return the function, decorated."""
+        ...
+
 
 PATH = click.Path(path_type=Path)
 # Open bounds: a camera that sees nothing or everything has no focal length
@@ -26,7 +34,7 @@ def inputs(function: Decorated) -> Decorated:
     return click.argument("inputs", metavar="INPUT...", type=PATH, nargs=-1, required=True)(function)
 
 
-def output(help: str, *, required: bool = False) -> Decorator[Decorated]:
+def output(help: str, *, required: bool = False) -> Decorator:
     """Take `-o/--output PATH`: `output`."""
     return click.option("-o", "--output", type=PATH, required=required, help=help)
 

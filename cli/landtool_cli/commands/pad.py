@@ -1,0 +1,88 @@
+"""`landtool pad`: the target for printing, or its TOML file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from landtool.errors import UsageError
+from landtool.io.atomic import atomic_path
+from landtool.pad import PadSpec
+from landtool.print_pad import DPI_RANGE, FORMATS, PRINT_DIAMETER_M, PadPrint, print_pad
+from landtool.print_pad.layout import PAGES
+from landtool_cli import options
+from landtool_cli.console import Console, pass_console
+
+SUFFIXES = (*FORMATS, ".toml")
+
+
+@click.command("pad")
+@options.output("What to make, by its ending: .pdf, .svg or .png for printing, .toml for --pad.", required=True)
+@click.option(
+    "--diameter",
+    type=options.DIAMETER_M,
+    metavar="M",
+    help="Outer diameter of the ring, D, in metres.  [default: that of --pad; without one 0.18, which fits A4]",
+)
+@click.option("--page", type=click.Choice(list(PAGES)), default="a4", show_default=True, help="Paper size.")
+@click.option("--pad", "file", type=options.PATH, metavar="FILE", help="The target as TOML.  [default: pad v1]")
+@click.option("--dpi", type=click.IntRange(*DPI_RANGE), default=300, show_default=True, help="Resolution of a .png.")
+@options.overwrite
+@pass_console
+def command(
+    console: Console,
+    output: Path,
+    diameter: float | None,
+    page: str,
+    file: Path | None,
+    dpi: int,
+    overwrite: bool,
+) -> None:
+    """Make the landing target for printing, at true scale.
+
+    A target larger than the page is spread over several pages of a PDF, to be cut and joined; an SVG or PNG is one
+    sheet as large as it needs to be. Print at 100 %: the ruler in the margin must measure 100 mm.
+
+    `landtool track` has to know D. Make the pad file for it with the same options: landtool pad -o pad.toml
+    """
+    suffix = output.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise UsageError("unknown kind of output", file=output, hint=f"use one of {', '.join(SUFFIXES)}")
+    pad = _wanted_pad(file, diameter)
+    with atomic_path(output, overwrite=overwrite) as temporary:
+        if suffix == ".toml":
+            temporary.write_text(pad.to_toml(), encoding="utf-8")
+            sheets = f"for `landtool track --pad {output}`"
+        else:
+            made = print_pad(pad, suffix, page=page, dpi=dpi)
+            temporary.write_bytes(made.data)
+            sheets = _sheets(made)
+    console.result(f"{output}: {pad.name}, D = {pad.diameter_m:g} m, {sheets}")
+    for tag in pad.tags:
+        console.result(f"  {tag.family} id {tag.id}: {pad.tag_size_m(tag) * 1000:.6g} mm, outer edge of its border")
+    if suffix != ".toml":
+        console.result(_advice(pad, file))
+
+
+def _wanted_pad(file: Path | None, diameter: float | None) -> PadSpec:
+    """Return the pad of the options; on paper, pad v1 has the size that fits it."""
+    if file is None:
+        return PadSpec(diameter_m=diameter or PRINT_DIAMETER_M)
+    pad = PadSpec.read(file)
+    return pad.scaled(diameter) if diameter else pad
+
+
+def _sheets(made: PadPrint) -> str:
+    size = f"{made.width_mm:.6g} x {made.height_mm:.6g} mm"
+    pages = made.rows * made.columns
+    return f"one sheet of {size}" if pages == 1 else f"{pages} pages of {size}, {made.rows} rows of {made.columns}"
+
+
+def _advice(pad: PadSpec, file: Path | None) -> str:
+    """Say how to print, and how `landtool track` learns the size."""
+    advice = "Print at 100 %, no scaling; the ruler must measure 100 mm. "
+    if file is not None and PadSpec.read(file) == pad:
+        return f"{advice}Track it with --pad {file}"
+    source = f" --pad {file}" if file else ""
+    return f"{advice}Its file for track --pad: landtool pad -o pad.toml{source} --diameter {pad.diameter_m!r}"
