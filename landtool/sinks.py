@@ -1,0 +1,210 @@
+"""Where results go: one protocol, one visible table, and the loop that pulls results into the sinks."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Protocol, Self
+
+import cv2
+
+from landtool.draw import Overlay
+from landtool.errors import OutputError, OutputExistsError, UsageError
+from landtool.geometry import Pose
+from landtool.io.atomic import atomic_folder, atomic_path
+from landtool.io.run_record import StageTime
+from landtool.io.tables import TABLES, TableWriter
+from landtool.io.video_out import VideoWriter
+from landtool.types import Frame, FrameResult, LostFrame
+
+ANNOTATED_VIDEO = "annotated.mp4"
+ANNOTATED_IMAGES = "annotated"
+_JPEG_QUALITY = 95
+
+CameraFromReference = Callable[[FrameResult], Pose | None]
+
+
+@dataclass(frozen=True)
+class SinkSetup:
+    """What sinks are made from.
+
+    folder: where they write; an output that is there already is refused. tables: which tables, names of
+    `io.tables.TABLES`. overlay: draws the pictures. has_clock: whether frames carry times; without, pictures are
+    written one by one. time_base: the video's own, seconds a tick, None where the source has none.
+    camera_T_reference: the pose of the tracks' reference frame in the camera at a frame, None where it is not known.
+    """
+
+    folder: Path
+    tables: tuple[str, ...] = tuple(TABLES)
+    overlay: Overlay = field(default_factory=Overlay)
+    has_clock: bool = True
+    time_base: Fraction | None = None
+    camera_T_reference: CameraFromReference = lambda _result: None
+
+
+class Sink(Protocol):
+    """Takes frames in order and writes them whole or not at all: outputs appear when the context ends well.
+
+    `notes` says, one sentence each, what could not be kept.
+    """
+
+    notes: list[str]
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None
+    ) -> None: ...
+
+    def write(self, frame: Frame | LostFrame, result: FrameResult) -> None:
+        """Add one frame; its picture when there is one."""
+        ...
+
+
+class _Managed:
+    """The context of a sink: `_open` enters what it needs into the stack, which unwinds when the sink is left."""
+
+    def __init__(self, setup: SinkSetup) -> None:
+        self.notes: list[str] = []
+        self._setup = setup
+        self._stack = ExitStack()
+
+    def __enter__(self) -> Self:
+        with ExitStack() as stack:
+            self._open(stack)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
+        self._stack.__exit__(kind, error, tb)
+
+    def _open(self, stack: ExitStack) -> None:
+        raise NotImplementedError
+
+
+class CsvSink(_Managed):
+    """Writes the tables: one file each, a header even when there are no frames."""
+
+    def _open(self, stack: ExitStack) -> None:
+        for name in self._setup.tables:
+            if name not in TABLES:
+                raise UsageError(f"unknown table '{name}'", hint=f"known: {', '.join(TABLES)}")
+        folder = self._setup.folder
+        self._writers = [stack.enter_context(TableWriter(folder / name, TABLES[name])) for name in self._setup.tables]
+
+    def write(self, frame: Frame | LostFrame, result: FrameResult) -> None:  # noqa: ARG002 - a table has no picture
+        """Add the rows of one frame."""
+        for writer in self._writers:
+            writer.write(result)
+
+
+class VideoSink(_Managed):
+    """Writes annotated.mp4 with the source's own timing. No pictures, no file; a lost frame leaves a gap in time."""
+
+    def _open(self, stack: ExitStack) -> None:
+        self._path = self._setup.folder / ANNOTATED_VIDEO
+        if self._path.exists():
+            raise OutputExistsError(self._path)
+        self._writer: VideoWriter | None = None
+        stack.callback(self._take_notes)
+
+    def write(self, frame: Frame | LostFrame, result: FrameResult) -> None:
+        """Draw one frame and encode it. Raises UsageError for a frame without a time."""
+        if isinstance(frame, LostFrame):
+            return
+        if frame.t_ns is None:
+            reason = f"frame {frame.index} has no time, a video cannot be made"
+            raise UsageError(reason, file=frame.file or None, hint="give the clock with --fps")
+        if self._writer is None:
+            self._writer = self._start(*frame.image.shape[1::-1])
+        image = self._setup.overlay.draw(frame, result, self._setup.camera_T_reference(result))
+        self._writer.write(image, frame.t_ns)
+
+    def _start(self, width: int, height: int) -> VideoWriter:
+        temporary = self._stack.enter_context(atomic_path(self._path))
+        return self._stack.enter_context(VideoWriter(temporary, width, height, self._setup.time_base))
+
+    def _take_notes(self) -> None:
+        if self._writer is not None:
+            self.notes += self._writer.notes
+
+
+class ImagesSink(_Managed):
+    """Writes annotated pictures into the folder annotated/, under the names of the input's."""
+
+    def _open(self, stack: ExitStack) -> None:
+        self._folder = stack.enter_context(atomic_folder(self._setup.folder / ANNOTATED_IMAGES))
+
+    def write(self, frame: Frame | LostFrame, result: FrameResult) -> None:
+        """Draw one frame and save it; a kind of image that cannot be written becomes a PNG."""
+        if isinstance(frame, LostFrame):
+            return
+        image = self._setup.overlay.draw(frame, result, self._setup.camera_T_reference(result))
+        name = frame.file or f"{frame.index:06d}.png"
+        if not cv2.haveImageWriter(name):
+            self.notes.append(f"{name}: annotated as PNG, its own kind cannot be written")
+            name += ".png"
+        path = self._folder / name
+        done, data = cv2.imencode(Path(name).suffix, image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        if not done:
+            raise OutputError("cannot be encoded", file=self._setup.folder / ANNOTATED_IMAGES / name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(data.tobytes())
+
+
+def _pictures(setup: SinkSetup) -> Sink:
+    return VideoSink(setup) if setup.has_clock else ImagesSink(setup)
+
+
+# What --save chooses from
+SINKS: dict[str, Callable[[SinkSetup], Sink]] = {"video": _pictures, "csv": CsvSink}
+
+
+@contextmanager
+def open_sinks(names: Iterable[str], setup: SinkSetup) -> Iterator[list[Sink]]:
+    """Open the sinks called `names` (of `SINKS`); all are closed at the end, and take back everything on failure.
+
+    Raises UsageError for an unknown name, OutputExistsError for an output that is there already.
+    """
+    chosen = list(dict.fromkeys(names))
+    for name in chosen:
+        if name not in SINKS:
+            raise UsageError(f"unknown output '{name}'", hint=f"known: {', '.join(SINKS)}")
+    with ExitStack() as stack:
+        yield [stack.enter_context(SINKS[name](setup)) for name in chosen]
+
+
+@dataclass(frozen=True)
+class Written:
+    """What `write_all` passed on: frames (lost ones counted), pictures among them, and the time each stage took."""
+
+    frames: int
+    pictures: int
+    timings: dict[str, StageTime]
+
+
+def write_all(
+    results: Iterable[tuple[Frame | LostFrame, FrameResult]],
+    sinks: Sequence[Sink],
+    on_frame: Callable[[Frame | LostFrame, FrameResult], None] | None = None,
+) -> Written:
+    """Pull every result, pass it to all sinks, then call `on_frame`; the sinks' own time is the stage "write"."""
+    frames = pictures = 0
+    timings: dict[str, StageTime] = {}
+    for frame, result in results:
+        start = time.perf_counter()
+        for sink in sinks:
+            sink.write(frame, result)
+        spent = {**result.stage_seconds, "write": time.perf_counter() - start}
+        for stage, seconds in spent.items():
+            timings[stage] = timings.get(stage, StageTime()).add(seconds)
+        frames += 1
+        pictures += isinstance(frame, Frame)
+        if on_frame is not None:
+            on_frame(frame, result)
+    return Written(frames, pictures, timings)
