@@ -109,7 +109,7 @@ def ascii_only(text: str) -> str:
     return "".join(c if " " <= c <= "~" else "?" for c in " ".join(text.split()))
 
 
-def shade(image: Image, left: int, top: int, width: int, height: int, light: float = 0.35) -> None:
+def shade(image: Image, left: int, top: int, width: int, height: int, light: float = 0.27) -> None:
     """Darken a rectangle to `light` of its brightness, in place."""
     part = image[top : top + height, left : left + width]
     cv2.convertScaleAbs(part, dst=part, alpha=light)
