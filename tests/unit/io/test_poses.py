@@ -43,7 +43,7 @@ def test_both_formats_are_read_to_the_nanosecond(text: str, tmp_path: Path) -> N
     ego = read_ego(put(tmp_path, text))
     assert ego.t_ns.tolist() == [1700000000123456789, 1700000000223456789]
     np.testing.assert_array_equal(ego.positions_m, [[1, 2, 3], [1.5, -2, 3]])
-    np.testing.assert_allclose(ego.quaternions_wxyz, [[1, 0, 0, 0], [0.6, 0, 0, 0.8]], atol=1e-15)
+    np.testing.assert_allclose(ego.quaternions_wxyz, [[1.0, 0.0, 0.0, 0.0], [0.6, 0.0, 0.0, 0.8]], atol=1e-15)
 
 
 @pytest.mark.parametrize(
