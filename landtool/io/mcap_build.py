@@ -1,0 +1,168 @@
+"""Messages landtool writes to MCAP logs, in two dialects: ROS 2 (CDR) and Foxglove (protobuf)."""
+
+from __future__ import annotations
+
+from typing import Any, Literal, NamedTuple, Protocol
+
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
+from foxglove_schemas_protobuf.Pose_pb2 import Pose as ProtoPose
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.timestamp_pb2 import Timestamp
+from mcap_protobuf.schema import build_file_descriptor_set
+
+from landtool.camera import Camera
+from landtool.geometry import Pose
+from landtool.io.mcap_cdr import CdrWriter
+from landtool.io.mcap_schemas import ROS2_DEFINITIONS
+from landtool.types import Image
+
+McapSchema = Literal["ros2", "foxglove"]
+_FOXGLOVE: dict[str, Any] = {
+    kind.DESCRIPTOR.full_name: kind
+    for kind in (RawImage, CompressedImage, CompressedVideo, CameraCalibration, PoseInFrame)
+}
+
+
+class Built(NamedTuple):
+    """A message ready to be logged: its type's full name and its bytes."""
+
+    type: str
+    data: bytes
+
+
+class Dialect(Protocol):
+    """One way to write the messages. Stamps are in ns, images (H, W, 3) BGR uint8."""
+
+    profile: str
+    message_encoding: str
+    schema_encoding: str
+    calibration_name: str  # last name of the calibration topic beside the image's
+
+    def definition(self, type_name: str) -> bytes:
+        """Return the schema of a type in `schema_encoding`."""
+        ...
+
+    def raw_image(self, stamp_ns: int, frame_id: str, image: Image) -> Built:
+        """Build an image message of pixels, encoding bgr8."""
+        ...
+
+    def coded_image(self, stamp_ns: int, frame_id: str, data: bytes, form: str) -> Built:
+        """Build a message of a compressed image (jpeg, png) or of one picture of a video (h264)."""
+        ...
+
+    def calibration(self, stamp_ns: int, frame_id: str, camera: Camera) -> Built:
+        """Build a calibration message."""
+        ...
+
+    def pose(self, stamp_ns: int, frame_id: str, pose: Pose) -> Built:
+        """Build a message of a pose in a frame."""
+        ...
+
+
+class Ros2Dialect:
+    """sensor_msgs and geometry_msgs, little-endian CDR."""
+
+    profile = "ros2"
+    message_encoding = "cdr"
+    schema_encoding = "ros2msg"
+    calibration_name = "camera_info"
+
+    def definition(self, type_name: str) -> bytes:
+        """Return a definition as text."""
+        return ROS2_DEFINITIONS[type_name].encode()
+
+    def raw_image(self, stamp_ns: int, frame_id: str, image: Image) -> Built:
+        """Build an Image."""
+        height, width = image.shape[:2]
+        cdr = CdrWriter().stamp_ns(stamp_ns).string(frame_id).uint32(height, width).string("bgr8")
+        return Built("sensor_msgs/msg/Image", cdr.uint8(0).uint32(3 * width).blob(image.tobytes()).finish())
+
+    def coded_image(self, stamp_ns: int, frame_id: str, data: bytes, form: str) -> Built:
+        """Build a CompressedImage."""
+        cdr = CdrWriter().stamp_ns(stamp_ns).string(frame_id).string(form).blob(data)
+        return Built("sensor_msgs/msg/CompressedImage", cdr.finish())
+
+    def calibration(self, stamp_ns: int, frame_id: str, camera: Camera) -> Built:
+        """Build a CameraInfo."""
+        cdr = CdrWriter().stamp_ns(stamp_ns).string(frame_id).uint32(camera.height, camera.width)
+        cdr.string(camera.model).float64_sequence(camera.distortion)
+        cdr.float64s(_k(camera)).float64s(_R).float64s(_p(camera))
+        cdr.uint32(0, 0).uint32(0, 0, 0, 0).uint8(0)  # no binning, the whole picture, not rectified
+        return Built("sensor_msgs/msg/CameraInfo", cdr.finish())
+
+    def pose(self, stamp_ns: int, frame_id: str, pose: Pose) -> Built:
+        """Build a PoseStamped."""
+        w, x, y, z = pose.quaternion_wxyz.tolist()
+        cdr = CdrWriter().stamp_ns(stamp_ns).string(frame_id).float64s((*pose.translation.tolist(), x, y, z, w))
+        return Built("geometry_msgs/msg/PoseStamped", cdr.finish())
+
+
+class FoxgloveDialect:
+    """Foxglove's protobuf schemas."""
+
+    profile = ""
+    message_encoding = "protobuf"
+    schema_encoding = "protobuf"
+    calibration_name = "calibration"
+
+    def definition(self, type_name: str) -> bytes:
+        """Return a FileDescriptorSet."""
+        descriptors = build_file_descriptor_set(_FOXGLOVE[type_name])
+        return bytes(descriptors.SerializeToString(deterministic=True))
+
+    def raw_image(self, stamp_ns: int, frame_id: str, image: Image) -> Built:
+        """Build a RawImage."""
+        height, width = image.shape[:2]
+        message = RawImage(timestamp=_stamp(stamp_ns), frame_id=frame_id, width=width, height=height)
+        message.encoding, message.step, message.data = "bgr8", 3 * width, image.tobytes()
+        return _built(message)
+
+    def coded_image(self, stamp_ns: int, frame_id: str, data: bytes, form: str) -> Built:
+        """Build a CompressedImage, or a CompressedVideo for h264."""
+        kind = CompressedVideo if form == "h264" else CompressedImage
+        return _built(kind(timestamp=_stamp(stamp_ns), frame_id=frame_id, data=data, format=form))
+
+    def calibration(self, stamp_ns: int, frame_id: str, camera: Camera) -> Built:
+        """Build a CameraCalibration."""
+        model = "kannala_brandt" if camera.model == "equidistant" else camera.model
+        message = CameraCalibration(timestamp=_stamp(stamp_ns), frame_id=frame_id, distortion_model=model)
+        message.width, message.height = camera.width, camera.height
+        message.D.extend(camera.distortion)
+        message.K.extend(_k(camera))
+        message.R.extend(_R)
+        message.P.extend(_p(camera))
+        return _built(message)
+
+    def pose(self, stamp_ns: int, frame_id: str, pose: Pose) -> Built:
+        """Build a PoseInFrame."""
+        x, y, z = pose.translation.tolist()
+        qw, qx, qy, qz = pose.quaternion_wxyz.tolist()
+        where = ProtoPose(position=Vector3(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+        return _built(PoseInFrame(timestamp=_stamp(stamp_ns), frame_id=frame_id, pose=where))
+
+
+DIALECTS: dict[McapSchema, type[Dialect]] = {"ros2": Ros2Dialect, "foxglove": FoxgloveDialect}
+_R = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def _k(camera: Camera) -> tuple[float, ...]:
+    return (camera.fx, 0.0, camera.cx, 0.0, camera.fy, camera.cy, 0.0, 0.0, 1.0)
+
+
+def _p(camera: Camera) -> tuple[float, ...]:
+    """Return the projection of rectified pictures (3, 4) by rows: the same intrinsics, nothing to shift."""
+    return (camera.fx, 0.0, camera.cx, 0.0, 0.0, camera.fy, camera.cy, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+def _stamp(stamp_ns: int) -> Timestamp:
+    seconds, nanos = divmod(stamp_ns, 1_000_000_000)
+    return Timestamp(seconds=seconds, nanos=nanos)
+
+
+def _built(message: Any) -> Built:
+    return Built(message.DESCRIPTOR.full_name, message.SerializeToString(deterministic=True))

@@ -1,0 +1,189 @@
+"""MCAP logs of pictures, written as a ROS 2 recorder or Foxglove's SDK would."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import Literal
+
+import av
+import cv2
+import numpy as np
+from av.video.codeccontext import VideoCodecContext
+from av.video.frame import PictureType, VideoFrame
+from av.video.reformatter import VideoReformatter
+from mcap.writer import CompressionType, Writer
+
+from landtool import __version__
+from landtool.camera import Camera
+from landtool.errors import OutputError, UsageError
+from landtool.geometry import Pose
+from landtool.io.mcap_build import DIALECTS, Built, McapSchema
+from landtool.types import Frame, Image
+
+McapEncoding = Literal["raw", "jpeg", "png", "h264"]
+CHUNK_BYTES = 1 << 20
+JPEG_QUALITY = 95
+H264_CRF = 18  # hardly visible loss
+KEY_FRAME_NS = 1_000_000_000  # a player that seeks waits for the next key frame
+_BT709, _LIMITED = 1, 1
+_STAMP_LIMIT_NS = 2**31 * 1_000_000_000  # a ROS stamp has int32 seconds
+
+
+class McapImageWriter:
+    """Writes one image topic and, when the camera is known, its calibration with the same stamp for every picture.
+
+    schema: `ros2` (Image, CompressedImage, CameraInfo as CDR) or `foxglove` (protobuf). encoding: `raw` (bgr8), `jpeg`,
+    `png`, or `h264` (Annex B, one picture a message, no B-frames, parameter sets with every key frame).
+    The calibration goes to `camera_info` (ros2) or `calibration` (foxglove) beside the image topic. frame_id: the
+    camera's frame. metadata: written to the record `landtool`, beside the version. The time of logging is the
+    capture's; nothing of the moment of writing enters the file, so the same input gives the same bytes.
+
+    Writes to `path` as it goes; use it inside `atomic_path` for a file that appears whole. Raises UsageError for a
+    frame without a time or a size h264 cannot hold, OutputError when encoding fails, OSError when writing does.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        schema: McapSchema,
+        topic: str,
+        frame_id: str,
+        camera: Camera | None,
+        encoding: McapEncoding,
+        metadata: Mapping[str, str] | None = None,
+    ) -> None:
+        self.path, self.topic, self.frame_id = Path(path), topic, frame_id
+        self.camera, self.encoding = camera, encoding
+        self.written = 0
+        self._dialect = DIALECTS[schema]()
+        self._video: _H264Encoder | None = None
+        self._schema_ids: dict[str, int] = {}
+        self._channel_ids: dict[str, int] = {}
+        self._sequences: dict[int, int] = {}
+        self._file = self.path.open("wb")
+        self._log = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._log.start(profile=self._dialect.profile, library=f"landtool/{__version__}")
+        self._log.add_metadata("landtool", {"version": __version__, **(metadata or {})})
+
+    @property
+    def calibration_topic(self) -> str:
+        """The calibration's topic: beside the image; beside `image_raw` for `image_raw/compressed`."""
+        names = self.topic.split("/")
+        keep = -2 if names[-1] == "compressed" and len(names) > 2 else -1
+        return "/".join([*names[:keep], self._dialect.calibration_name])
+
+    def write(self, frame: Frame) -> None:
+        """Add one picture and its calibration, at the frame's own time."""
+        t_ns = self._checked(frame.t_ns)
+        if self.camera is not None:
+            self._add(self.calibration_topic, t_ns, self._dialect.calibration(t_ns, self.frame_id, self.camera))
+        self._add(self.topic, t_ns, self._image(t_ns, frame.image))
+        self.written += 1
+
+    def write_pose(self, topic: str, t_ns: int, world_T_body: Pose, *, frame_id: str) -> None:
+        """Add a pose (PoseStamped or PoseInFrame) in the frame `frame_id`. Give poses and pictures by time."""
+        stamp_ns = self._checked(t_ns)
+        self._add(topic, stamp_ns, self._dialect.pose(stamp_ns, frame_id, world_T_body))
+
+    def close(self) -> None:
+        """Write the index and close the file; may be called again."""
+        if self._file.closed:
+            return
+        try:
+            self._log.finish()  # type: ignore[no-untyped-call]
+        finally:
+            self._file.close()
+
+    def __enter__(self) -> McapImageWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None:
+            self.close()
+        self._file.close()
+
+    def _checked(self, t_ns: int | None) -> int:
+        if t_ns is None:
+            raise UsageError("frames without times cannot be written to an MCAP log", hint="give the input a --fps")
+        if not 0 <= t_ns < _STAMP_LIMIT_NS:
+            raise UsageError(f"the time {t_ns} ns does not fit an MCAP log", hint="write a video instead")
+        return t_ns
+
+    def _image(self, t_ns: int, image: Image) -> Built:
+        if self.encoding == "raw":
+            return self._dialect.raw_image(t_ns, self.frame_id, image)
+        if self.encoding == "h264":
+            height, width = image.shape[:2]
+            self._video = self._video or _H264Encoder(width, height)
+            data = self._video.encode(image, t_ns)
+        else:
+            options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if self.encoding == "jpeg" else []
+            data = cv2.imencode(f".{self.encoding}", image, options)[1].tobytes()
+        return self._dialect.coded_image(t_ns, self.frame_id, data, self.encoding)
+
+    def _add(self, topic: str, t_ns: int, message: Built) -> None:
+        channel = self._channel_ids.get(topic)
+        if channel is None:
+            channel = self._channel_ids[topic] = self._register(topic, message.type)
+        sequence = self._sequences[channel] = self._sequences.get(channel, -1) + 1
+        self._log.add_message(channel, t_ns, message.data, t_ns, sequence)
+
+    def _register(self, topic: str, type_name: str) -> int:
+        dialect = self._dialect
+        if type_name not in self._schema_ids:
+            definition = dialect.definition(type_name)
+            self._schema_ids[type_name] = self._log.register_schema(type_name, dialect.schema_encoding, definition)
+        return self._log.register_channel(topic, dialect.message_encoding, self._schema_ids[type_name])
+
+
+class _H264Encoder:
+    """One packet out for every picture in. width, height: even, as 4:2:0 needs."""
+
+    def __init__(self, width: int, height: int) -> None:
+        if width % 2 or height % 2:
+            raise UsageError(f"h264 cannot hold pictures of {width}x{height}", hint="write them as jpeg")
+        context = av.CodecContext.create("libx264", "w")
+        assert isinstance(context, VideoCodecContext)
+        context.width, context.height, context.pix_fmt = width, height, "yuv420p"
+        context.colorspace, context.color_range = _BT709, _LIMITED
+        context.time_base = Fraction(1, 1_000_000)
+        context.thread_count = 1  # slices, and so the bytes, would depend on the machine's cores
+        context.options = {
+            "preset": "veryfast",
+            "tune": "zerolatency",
+            "crf": str(H264_CRF),
+            "forced-idr": "1",
+            "x264-params": "keyint=infinite:scenecut=0:bframes=0:repeat-headers=1:annexb=1",
+        }
+        self._context = context
+        self._size = (width, height)
+        self._reformatter = VideoReformatter()
+        self._pts = -1
+        self._key_ns: int | None = None
+
+    def encode(self, image: Image, t_ns: int) -> bytes:
+        """Return the picture's access unit in Annex B form."""
+        if image.shape[1::-1] != self._size:
+            raise UsageError("h264 cannot change the picture size on the way", hint="write the pictures as jpeg")
+        picture = VideoFrame.from_ndarray(np.ascontiguousarray(image), format="bgr24")
+        frame = self._reformatter.reformat(
+            picture, format="yuv420p", dst_colorspace=_BT709, dst_color_range=_LIMITED, threads=1
+        )
+        self._pts = max(self._pts + 1, t_ns // 1000)
+        frame.pts, frame.time_base = self._pts, self._context.time_base
+        frame.pict_type = PictureType.NONE
+        if self._key_ns is None or not 0 <= t_ns - self._key_ns < KEY_FRAME_NS:
+            frame.pict_type, self._key_ns = PictureType.I, t_ns
+        try:
+            packets = self._context.encode(frame)
+        except av.FFmpegError as error:
+            raise OutputError(f"h264 encoding failed ({error.strerror})") from error
+        if len(packets) != 1:
+            raise OutputError(f"the h264 encoder gave {len(packets)} packets for a picture")
+        return bytes(packets[0])
