@@ -72,7 +72,7 @@ class TagObservation:
 
     corners_px: (4, 2) float64, OpenCV pixels: the upright tag's top-left, top-right, bottom-right, bottom-left.
     hamming: corrected bits. margin: the decoder's mean distance of a bit from its threshold, grey levels.
-    corner_sigma_px: one standard deviation of each corner coordinate.
+    covariance_px2: (8, 8) float64 of x0 y0 x1 y1 ... y3, of the corners' measurement noise.
     """
 
     family: str
@@ -80,7 +80,7 @@ class TagObservation:
     hamming: int
     margin: float
     corners_px: Array
-    corner_sigma_px: float
+    covariance_px2: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +88,8 @@ class PadPose:
     """The pad in the camera frame, as measured in one image.
 
     covariance: (6, 6), of a left perturbation (dt, dw) in the camera frame: t + dt in m, exp(dw) R in rad.
-    ambiguity: reprojection error of the chosen of the two solutions over the other's, in [0, 1] when the chosen is
-    the better; near 1 nothing in the image tells them apart. reproj_px: RMS over the corners, pixels.
+    ambiguity: weighted reprojection error of the better of the two solutions over the other's, in [0, 1]; near 1
+    nothing in this image tells them apart. reproj_px: RMS distance over the corners, pixels.
     alternative: the solution not chosen, None where there is only one.
     """
 
