@@ -55,7 +55,13 @@ def ros_image(stamp_ns: int, pixels: NDArray[Any], encoding: str, *, padding: in
     height, width = pixels.shape[:2]
     rows = np.ascontiguousarray(pixels).view(np.uint8).reshape(height, -1)
     padded = np.pad(rows, ((0, 0), (0, padding)), constant_values=0xAA)
-    fields = {"height": height, "width": width, "encoding": encoding, "is_bigendian": 0, "step": padded.shape[1]}
+    fields: dict[str, Any] = {
+        "height": height,
+        "width": width,
+        "encoding": encoding,
+        "is_bigendian": 0,
+        "step": padded.shape[1],
+    }
     return namespace(header=header(stamp_ns), **{**fields, "data": padded.tobytes(), **changes})
 
 
@@ -63,7 +69,13 @@ def ros_camera_info(stamp_ns: int, width: int, height: int, **changes: Any) -> A
     k = [500.0, 0.0, 31.5, 0.0, 510.0, 23.5, 0.0, 0.0, 1.0]
     p = [400.0, 0.0, 30.0, 0.0, 0.0, 410.0, 20.0, 0.0, 0.0, 0.0, 1.0, 0.0]
     roi = namespace(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
-    fields = {"distortion_model": "plumb_bob", "d": [0.1, -0.2, 0.001, 0.002, 0.05], "k": k, "p": p, "roi": roi}
+    fields: dict[str, Any] = {
+        "distortion_model": "plumb_bob",
+        "d": [0.1, -0.2, 0.001, 0.002, 0.05],
+        "k": k,
+        "p": p,
+        "roi": roi,
+    }
     fields |= {"r": [1.0, 0, 0, 0, 1.0, 0, 0, 0, 1.0], "binning_x": 0, "binning_y": 0}
     return namespace(header=header(stamp_ns), height=height, width=width, **{**fields, **changes})
 
@@ -102,18 +114,18 @@ class Log:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._writer.finish()
+        self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
 
 
-NO_INDEX = {
+NO_INDEX: dict[str, Any] = {
     "index_types": IndexType.NONE,
     "repeat_channels": False,
     "repeat_schemas": False,
     "use_statistics": False,
     "use_summary_offsets": False,
 }
-PLAIN = {"compression": CompressionType.NONE}
+PLAIN: dict[str, Any] = {"compression": CompressionType.NONE}
 
 
 def grey(number: int, width: int = 64, height: int = 48) -> NDArray[np.uint8]:
