@@ -1,6 +1,7 @@
 """A cursor over CDR, the byte layout of ROS 2 messages, and its little-endian writer.
 
-Written here because a generic decoder walks a picture's bytes one by one; this one takes them as one slice.
+Written here because the types landtool reads are fixed: a log needs no definitions then, which recorders leave empty
+when they do not find them, and a picture's bytes are a view of the chunk instead of a copy.
 """
 
 from __future__ import annotations

@@ -134,6 +134,16 @@ def test_an_encoding_that_is_not_read_is_named(tmp_path: Path) -> None:
         McapSource(path)
 
 
+@pytest.mark.parametrize(("encoding", "text"), [("", b""), ("ros2idl", b"module sensor_msgs {};")])
+def test_definitions_are_not_needed(tmp_path: Path, encoding: str, text: bytes) -> None:
+    path = tmp_path / "a.mcap"
+    with Log(path) as log:
+        log.ros("/with", IMAGE, ros_image(5, grey(3), "mono8"), 5)
+        log._schemas[IMAGE] = log._writer.register_schema(IMAGE, encoding, text)
+        log.ros("/without", IMAGE, ros_image(5, grey(4), "mono8"), 5)
+    assert numbers(read(path, "/without")[1]) == [4]
+
+
 def test_one_topic_published_by_two_channels_is_one(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with Log(path) as log:
