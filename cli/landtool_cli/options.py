@@ -5,6 +5,7 @@ Paths are handed over unchecked: the library says what is wrong with a file, in 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -22,11 +23,22 @@ class Decorator(Protocol):
         ...
 
 
+class FiniteRange(click.FloatRange):
+    """A range of numbers that NaN, which click lets pass, is not in."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number, or fail as click does."""
+        number: float = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{number} is not in the range {self._describe_range()}.", param, ctx)
+        return number
+
+
 PATH = click.Path(path_type=Path)
 # Open bounds: a camera that sees nothing or everything has no focal length
-HFOV_DEG = click.FloatRange(0.0, 180.0, min_open=True, max_open=True)
-FPS = click.FloatRange(0.0, 1000.0, min_open=True)
-DIAMETER_M = click.FloatRange(0.01, 100.0)
+HFOV_DEG = FiniteRange(0.0, 180.0, min_open=True, max_open=True)
+FPS = FiniteRange(0.0, 1000.0, min_open=True)
+DIAMETER_M = FiniteRange(0.01, 100.0)
 
 
 def inputs(function: Decorated) -> Decorated:

@@ -10,12 +10,11 @@ from landtool.pad import PadSpec
 from landtool.print_pad.layout import PAGES, Layout, lay_out
 from landtool.print_pad.sheet import Sheet
 from landtool.print_pad.write_pdf import write_pdf
-from landtool.print_pad.write_png import write_png
+from landtool.print_pad.write_png import DPI_RANGE, write_png
 from landtool.print_pad.write_svg import write_svg
 
 # pad.md's print: the largest round size that A4 and Letter hold
 PRINT_DIAMETER_M = 0.18
-DPI_RANGE = (36, 2400)
 
 
 @dataclass(frozen=True)

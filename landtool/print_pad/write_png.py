@@ -17,6 +17,7 @@ from landtool.pad import BLACK, WHITE, Color
 from landtool.print_pad.sheet import Disc, Picture, Sheet, Text
 from landtool.tone import srgb_decode, srgb_encode
 
+DPI_RANGE = (36, 2400)
 MAX_PIXELS = 200_000_000
 _STRIP_PX = 128  # rows painted at once, so that the fine picture need not be held whole
 _FINE = 4  # samples a pixel, each way; `_averaged` counts on four
@@ -35,7 +36,8 @@ def write_png(sheet: Sheet, dpi: int) -> bytes:
     width, height = round(sheet.width_mm * scale), round(sheet.height_mm * scale)
     if width * height > MAX_PIXELS:
         best = math.floor(dpi * math.sqrt(MAX_PIXELS / (width * height)))
-        raise UsageError(f"{width} x {height} pixels are too many", hint=f"lower --dpi to {best} or write an .svg")
+        hint = f"lower --dpi to {best} or write an .svg" if best >= DPI_RANGE[0] else "write an .svg"
+        raise UsageError(f"{width} x {height} pixels are too many", hint=hint)
     image = np.empty((height, width, 3), np.uint8)
     shapes = [item for item in (*sheet.picture, *sheet.margin) if not isinstance(item, Text)]
     for top, strip in _strips(shapes, scale, (height, width)):

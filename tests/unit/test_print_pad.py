@@ -323,7 +323,8 @@ def test_pads_without_a_ring_are_tiled_too() -> None:
         (A4_PAD, ".pdf", {"page": "a5"}, "known: a4, a3, letter"),
         (A4_PAD, ".png", {"dpi": 20}, "from 36 to 2400"),
         (PadSpec(diameter_m=20.0), ".pdf", {}, "at most 1000"),
-        (PadSpec(diameter_m=20.0), ".png", {}, "lower --dpi to"),
+        (PadSpec(diameter_m=20.0), ".png", {}, "write an .svg"),
+        (PadSpec(diameter_m=2.0), ".png", {}, "lower --dpi to [12]"),
     ],
 )
 def test_a_request_nobody_can_print_is_refused(

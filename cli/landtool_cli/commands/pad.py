@@ -7,10 +7,11 @@ from pathlib import Path
 import click
 
 from landtool.errors import UsageError
-from landtool.io.atomic import atomic_path
+from landtool.io.atomic import atomic_path, refuse_input_as_output
 from landtool.pad import PadSpec
-from landtool.print_pad import DPI_RANGE, FORMATS, PRINT_DIAMETER_M, PadPrint, print_pad
+from landtool.print_pad import FORMATS, PRINT_DIAMETER_M, PadPrint, print_pad
 from landtool.print_pad.layout import PAGES
+from landtool.print_pad.write_png import DPI_RANGE
 from landtool_cli import options
 from landtool_cli.console import Console, pass_console
 
@@ -49,6 +50,8 @@ def command(
     suffix = output.suffix.lower()
     if suffix not in SUFFIXES:
         raise UsageError("unknown kind of output", file=output, hint=f"use one of {', '.join(SUFFIXES)}")
+    if file is not None:
+        refuse_input_as_output([file], output)
     pad = _wanted_pad(file, diameter)
     with atomic_path(output, overwrite=overwrite) as temporary:
         if suffix == ".toml":
