@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 EBML_SEGMENT = b"\x18\x53\x80\x67"
-TS_PACKET_SIZES = (188, 192, 204)
+# Transport stream packets: their length, and where their sync byte is. Plain, with time codes (M2TS), with parity.
+TS_PACKETS = ((188, 0), (192, 4), (204, 0))
+TS_SYNC = 0x47
 
 
 def is_cut(path: Path, format_name: str) -> bool:
@@ -16,9 +18,9 @@ def is_cut(path: Path, format_name: str) -> bool:
     """
     size = path.stat().st_size
     names = format_name.split(",")
-    if "mpegts" in names:
-        return all(size % packet for packet in TS_PACKET_SIZES)
     with path.open("rb") as file:
+        if "mpegts" in names:
+            return size % _ts_packet_length(file) != 0
         if "mp4" in names:
             return _last_box_end(file, size) > size
         if "matroska" in names:
@@ -81,6 +83,14 @@ def _segment_end(file: BinaryIO, size: int) -> int:
         return size
     length, width = _vint(head[start + 4 : start + 12])
     return size if length < 0 else start + 4 + width + length
+
+
+def _ts_packet_length(file: BinaryIO) -> int:
+    head = file.read(4096)
+    for length, sync in TS_PACKETS:
+        if all(byte == TS_SYNC for byte in head[sync::length]):
+            return length
+    return 1  # damaged at its start, so its packets cannot be counted
 
 
 def _riff_end(file: BinaryIO, size: int) -> int:

@@ -30,13 +30,13 @@ from landtool.io.video_container import (
     open_video,
     packet_damage,
     packets,
-    time_base_of,
     video_stream,
 )
 from landtool.types import Frame, Image, LostFrame
 
 OUTPUT_CORRUPT = 1 << 3  # AV_CODEC_FLAG_OUTPUT_CORRUPT
-HELD_BACK = 3
+HELD_BACK = 3  # pictures
+MAX_REORDER = 32  # packets; H.264 and HEVC allow 16
 TURNS = {90: cv2.ROTATE_90_CLOCKWISE, 180: cv2.ROTATE_180, 270: cv2.ROTATE_90_COUNTERCLOCKWISE}
 
 
@@ -87,9 +87,21 @@ class _Sent:
     second_field: bool = False
 
 
-def _is_past(sent: _Sent, number: int, pts: int) -> bool:
+def _is_past(sent: _Sent, number: int, pts: int | None) -> bool:
     """Tell whether a packet's picture would have come before the given one. Decoders give them in order of pts."""
-    return sent.number < number if sent.pts is None else sent.pts < pts
+    if sent.pts is None or pts is None:
+        return sent.number < number - (0 if sent.error else MAX_REORDER)
+    return sent.pts < pts
+
+
+def _sent(frame: VideoFrame) -> _Sent | None:
+    return frame.opaque if isinstance(frame.opaque, _Sent) else None
+
+
+def _pts(frame: VideoFrame) -> int | None:
+    """Return a picture's own pts; where its packet had none PyAV puts the decoding time, in another order."""
+    sent = _sent(frame)
+    return frame.pts if sent is None or sent.pts is not None else None
 
 
 class _Pass:
@@ -107,7 +119,7 @@ class _Pass:
         """Yield pictures and losses in presentation order. The file is open only while this runs."""
         with open_video(self.path) as container:
             stream = video_stream(container, self.path)
-            self.clock = VideoClock(time_base_of(stream), stream.average_rate, self.report)
+            self.clock = VideoClock(container, stream, self.report)
             for frame in self._held_back(self._decode(container, stream)):
                 yield from self._give(frame)
             yield from self._lost(list(self.pending.values()))
@@ -122,8 +134,8 @@ class _Pass:
         held: list[VideoFrame] = []
         for frame in frames:
             held.append(frame)
-            if self.errors and all(other.pts is not None for other in held):
-                held.sort(key=lambda other: other.pts or 0)
+            if self.errors and all(_pts(other) is not None for other in held):
+                held.sort(key=lambda other: _pts(other) or 0)
             if len(held) > HELD_BACK:
                 yield held.pop(0)
         yield from held
@@ -140,10 +152,9 @@ class _Pass:
 
     def _decode_one(self, stream: VideoStream, packet: Packet[VideoStream]) -> list[VideoFrame]:
         self.packets += 1
-        self.clock.packet(packet)
         if packet.is_discard:
             self.report.skipped += 1
-        sent = _Sent(self.packets, packet.pts, packet.is_discard or is_hidden(stream, packet))
+        sent = _Sent(self.packets, self.clock.packet(packet), packet.is_discard or is_hidden(stream, packet))
         sent.damage = packet_damage(stream, packet)
         packet.opaque = sent
         if not packet.is_discard:
@@ -164,8 +175,8 @@ class _Pass:
             return []
 
     def _matched(self, frame: VideoFrame) -> VideoFrame:
-        sent = frame.opaque
-        if isinstance(sent, _Sent):
+        sent = _sent(frame)
+        if sent is not None:
             self.pending.pop(sent.number, None)
             follower = self.pending.get(sent.number + 1)
             if follower is not None and frame.interlaced_frame:
@@ -173,21 +184,21 @@ class _Pass:
         return frame
 
     def _give(self, frame: VideoFrame) -> Iterator[Frame | LostFrame]:
-        sent = frame.opaque if isinstance(frame.opaque, _Sent) else None
-        if sent is not None and frame.pts is not None:
-            done = [p for p in self.pending.values() if _is_past(p, sent.number, frame.pts)]
+        sent, pts = _sent(frame), _pts(frame)
+        if sent is not None:
+            done = [p for p in self.pending.values() if _is_past(p, sent.number, pts)]
             yield from self._lost(done)
         damage = sent.damage if sent is not None else ""
         if frame.is_corrupt:
             damage = damage or "the decoder found damage and filled it in"
-        t_ns = self.clock.t_ns(frame)
+        t_ns = self.clock.t_ns(pts)
         image = self.to_bgr(frame, self.rotation_deg, self.report)
         self.report.decoded += 1
         self.report.damaged += bool(damage)
         yield Frame(self._next_index(), t_ns, image, damage=damage)
 
     def _lost(self, done: list[_Sent]) -> Iterator[LostFrame]:
-        for sent in sorted(done, key=lambda p: (p.pts is not None, p.pts)):
+        for sent in sorted(done, key=lambda p: (p.pts or 0, p.number)):
             del self.pending[sent.number]
             preroll = self.report.decoded == 0 and not (sent.error or sent.damage)
             if not sent.error and (sent.hidden or sent.second_field or preroll):
@@ -195,7 +206,7 @@ class _Pass:
                 continue
             self.report.lost += 1
             reason = sent.error or sent.damage or "no picture came of its data"
-            yield LostFrame(self._next_index(), self.clock.lost_ns(sent.pts), reason)
+            yield LostFrame(self._next_index(), self.clock.t_ns(sent.pts), reason)
 
     def _next_index(self) -> int:
         self.index += 1
@@ -204,9 +215,11 @@ class _Pass:
     def _check_end(self, container: InputContainer, stream: VideoStream) -> None:
         """Note a file that ends before its container says it should."""
         end = ""
-        missing = stream.frames - self.packets if "mp4" in container.format.name.split(",") else 0
-        if missing > 0:
-            end = f"its data ends {missing} frames before the {stream.frames} its container declares"
+        indexed = len(stream.index_entries) if "mp4" in container.format.name.split(",") else 0
+        if indexed:  # an edit list may leave out frames the container counts
+            self.report.skipped += max(0, stream.frames - indexed)
+        if indexed > self.packets:
+            end = f"its data ends {indexed - self.packets} frames before the end of its index"
         elif is_cut(self.path, container.format.name):
             end = "the file ends in the middle of its data"
         elif (short_s := self.clock.short_of(declared_end(container, stream))) is not None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import heapq
 from fractions import Fraction
 
+from av.container import InputContainer
 from av.packet import Packet
-from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from landtool.io.source import SourceReport
@@ -22,39 +21,46 @@ def ticks_to_ns(ticks: int, time_base: Fraction) -> int:
 class VideoClock:
     """Gives every picture of one pass its time, and notes what had to be derived or runs backwards."""
 
-    def __init__(self, time_base: Fraction, rate: Fraction | None, report: SourceReport) -> None:
-        self.time_base, self.report = time_base, report
-        self.step = round(1 / (rate * time_base)) if rate else 0
-        self.undated: list[int] = []  # heap of the dts of packets without a pts
+    def __init__(self, container: InputContainer, stream: VideoStream, report: SourceReport) -> None:
+        self.time_base = Fraction(stream.time_base or 1)
+        self.report = report
+        rate = stream.average_rate
+        self.step = round(1 / (rate * self.time_base)) if rate else 0  # ticks from one picture to the next
+        # AVI stores no presentation times; what FFmpeg makes up for it is wrong as soon as pictures are reordered.
+        self.dated = not (container.format.name == "avi" and stream.codec_context.has_b_frames)
+        self.slots: list[int] = []  # decoding times of undated packets that no picture has taken yet
         self.last: int | None = None  # pts given last
         self.end: int | None = None  # end of the last packet in presentation order
         self.disorder = 0
 
-    def packet(self, packet: Packet[VideoStream]) -> None:
-        """Take in a packet's times before it is decoded."""
-        if packet.pts is not None:
-            end = packet.pts + (packet.duration or self.step)
-            self.end = end if self.end is None else max(self.end, end)
-        elif packet.dts is not None:
-            heapq.heappush(self.undated, packet.dts)
+    def packet(self, packet: Packet[VideoStream]) -> int | None:
+        """Take in a packet before it is decoded; return its own pts, None where it has none to be trusted."""
+        pts = packet.pts if packet.pts is not None else packet.dts
+        if packet.is_discard or pts is None:
+            return packet.pts
+        end = pts + (packet.duration or self.step)
+        self.end = end if self.end is None else max(self.end, end)
+        if self.dated and packet.pts is not None:
+            return packet.pts
+        self.slots.append(pts)
+        return None
 
-    def t_ns(self, frame: VideoFrame) -> int:
-        """Nanoseconds of a picture: its pts, or what stands in for it, with a note."""
-        pts = frame.pts if frame.pts is not None else self._derived()
+    def t_ns(self, pts: int | None) -> int:
+        """Nanoseconds of the next frame in presentation order, from its pts or from what stands in for it."""
+        if pts is None:
+            pts = self._derived()
         if self.last is not None and pts <= self.last:
             self.disorder += 1
         self.last = pts
         return ticks_to_ns(pts, self.time_base)
 
-    def lost_ns(self, pts: int | None) -> int:
-        """Nanoseconds of a frame no picture came of."""
-        return ticks_to_ns(self._derived() if pts is None else pts, self.time_base)
-
     def _derived(self) -> int:
-        # Pictures come in presentation order, so the smallest decoding time left over is this one's.
-        if self.undated:
-            self.report.note("pictures without a presentation time were given their decoding times, in order")
-            return heapq.heappop(self.undated)
+        if self.slots:
+            # Pictures come in presentation order, so the smallest decoding time left over is this one's.
+            self.report.note("the file has no presentation times for pictures; decoding times stand in, in order")
+            pts = min(self.slots)
+            self.slots.remove(pts)
+            return pts
         self.report.note("pictures without any time were placed one frame after the one before")
         return 0 if self.last is None else self.last + self.step
 

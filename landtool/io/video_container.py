@@ -42,6 +42,12 @@ def _unreadable(path: Path, error: Exception) -> InputError:
     if head[4:8] in (b"ftyp", b"mdat", b"wide", b"free", b"moov") and not has_box(path, b"moov"):
         hint = "repair it with the camera's own tool, and record fragmented MP4 or MKV, which survive a power cut"
         return InputError("has no index (moov box), its recording was never finished", file=path, hint=hint)
+    if isinstance(error, av.error.ArgumentError):  # the whitelist refused what FFmpeg would have read
+        hint = "re-mux it with its frame rate into MP4 or MKV"
+        return InputError("is a bare stream without times, or a format that is not read", file=path, hint=hint)
+    if isinstance(error, av.error.EOFError):
+        hint = "check that the recording ran, or re-mux it from the camera's original"
+        return InputError("holds no picture, it ends after its header", file=path, hint=hint)
     hint = "give a video (MP4, MOV, MKV, WebM, AVI, TS), an MCAP log or a folder of images"
     reason = getattr(error, "strerror", None) or str(error)
     return InputError(f"is no video that can be read ({reason})", file=path, hint=hint)

@@ -68,6 +68,8 @@ class VideoWriter:
             notes.append(f"the video's time starts {float(self._origin):.9f} s later than the source's")
         if self.time_base != self._base:
             notes.append("the video's times are rounded to microseconds")
+        if self.width % 2 or self.height % 2:
+            notes.append("an odd side was padded by one pixel, as H.264 players need it even")
         if self.bumped:
             notes.append(f"{self.bumped} pictures not later than the one before were moved to the next tick")
         if self.resized:
@@ -181,9 +183,10 @@ class VideoWriter:
             raise self._failed(error) from None
 
     def _start(self, container: OutputContainer) -> VideoStream:
-        # Only the encoder's level and the key frames' distance follow from this rate; the times do not.
-        rate = 1 / (self._step * self.time_base)
-        stream = container.add_stream("libx264", rate=rate.limit_denominator(1001), options=dict(X264))
+        # Only the encoder's level and the key frames' distance follow from this rate; the times do not. The first
+        # two pictures may be one tick or an hour apart, and a level beyond any player's helps nobody.
+        rate = min(max(1 / (self._step * self.time_base), Fraction(1)), Fraction(240)).limit_denominator(1001)
+        stream = container.add_stream("libx264", rate=rate, options=dict(X264))
         stream.width, stream.height = self.width + self.width % 2, self.height + self.height % 2
         stream.pix_fmt = "yuv420p"
         stream.time_base = self.time_base
