@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from io import BytesIO
 from pathlib import Path
@@ -16,11 +16,12 @@ from PIL import Image as PilImage
 from PIL import ImageOps, UnidentifiedImageError
 
 from landtool.errors import InputError
+from landtool.io.damage import is_zeroed
 from landtool.io.source import SourceInfo, SourceReport
 from landtool.types import Frame, Image, LostFrame
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff")
-FORMATS = ("PNG", "JPEG", "MPO", "BMP", "WEBP", "TIFF")
+FORMATS = ("PNG", "JPEG", "BMP", "WEBP", "TIFF")  # Pillow reads many more, some through other programs
 MAX_PIXELS = 80_000_000  # 240 MB as BGR; a file of a few kB can claim far more
 NS = 1_000_000_000
 ORIENTATION_TAG = 0x0112
@@ -31,12 +32,16 @@ MIRRORED = (2, 4, 5, 7)
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One decoded image file. image: (H, W, 3) BGR uint8, upright. encoding: the format's name, lower case."""
+    """One decoded image file. image: (H, W, 3) BGR uint8, upright. encoding: the format's name, lower case.
+
+    damage: what is wrong with it although it was decoded, else empty.
+    """
 
     image: Image
     encoding: str
     rotation_deg: int
     mirrored: bool
+    damage: str = ""
 
 
 class PictureError(Exception):
@@ -91,9 +96,10 @@ class ImageFolderSource:
                 yield LostFrame(index, t_ns, str(error), file=file.name)
                 continue
             report.decoded += 1
+            report.damaged += bool(picture.damage)
             if picture.rotation_deg != self.info.rotation_deg:
                 report.note("the images are not all turned the same way; the camera's intrinsics fit only some")
-            yield Frame(index, t_ns, picture.image, file=file.name)
+            yield Frame(index, t_ns, picture.image, file=file.name, damage=picture.damage)
 
     def _describe(self) -> SourceInfo:
         picture = self._first()
@@ -142,7 +148,7 @@ def read_picture(path: Path) -> Picture:
             # Pillow warns on stderr about large images; the limit below speaks for itself.
             warnings.simplefilter("ignore", PilImage.DecompressionBombWarning)
             with PilImage.open(BytesIO(data), formats=FORMATS) as stored:
-                return _decode(stored)
+                return replace(_decode(stored), damage=_damage(data, stored.format))
     except UnidentifiedImageError:
         raise PictureError("is no image that can be read") from None
     except PilImage.DecompressionBombError:
@@ -150,6 +156,11 @@ def read_picture(path: Path) -> Picture:
     except (OSError, ValueError, SyntaxError, EOFError, MemoryError) as error:  # Pillow's decoders raise all of these
         text = getattr(error, "strerror", None) or str(error) or type(error).__name__
         raise PictureError(f"cannot be decoded ({text})") from None
+
+
+def _damage(data: bytes, kind: str | None) -> str:
+    zeroed = kind in ("JPEG", "MPO") and is_zeroed(data, jpeg=True)
+    return "part of its data is zeroed" if zeroed else ""
 
 
 def _decode(stored: PilImage.Image) -> Picture:

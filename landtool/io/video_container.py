@@ -14,6 +14,7 @@ from av.video.stream import VideoStream
 
 from landtool.errors import InputError
 from landtool.io.container_end import has_box
+from landtool.io.damage import is_zeroed
 from landtool.io.source import SourceInfo, SourceReport
 from landtool.io.video_clock import ticks_to_ns
 
@@ -21,8 +22,7 @@ from landtool.io.video_clock import ticks_to_ns
 FORMATS = "mov,matroska,avi,mpegts,mpeg,ogg,flv,asf,mxf,nut,gif,ivf"
 OPTIONS = {"protocol_whitelist": "file", "format_whitelist": FORMATS}
 HDR_TRANSFERS = {16: "PQ", 18: "HLG"}
-# Entropy-coded data of these codecs never holds this many zero bytes; a card or disk that lost a block does.
-ZERO_RUN = bytes(64)
+# Codecs whose data is_zeroed can judge; others pad, or store plain values
 ZERO_FREE = ("h264", "hevc", "vp8", "vp9", "mjpeg")
 
 
@@ -108,12 +108,8 @@ def packet_damage(stream: VideoStream, packet: Packet[VideoStream]) -> str:
     if packet.is_corrupt:
         return "the container marks its data as damaged or cut"
     codec = stream.codec_context.name
-    if codec in ZERO_FREE:
-        data = bytes(packet)
-        # Zeros may pad a packet's end, and a JPEG's header may hold any data at all.
-        start = data.find(b"\xff\xda") if codec == "mjpeg" else 0
-        if data.rstrip(b"\0").find(ZERO_RUN, max(start, 0)) >= 0:
-            return "part of its data is zeroed"
+    if codec in ZERO_FREE and is_zeroed(bytes(packet), jpeg=codec == "mjpeg"):
+        return "part of its data is zeroed"
     return ""
 
 

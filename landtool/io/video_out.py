@@ -24,6 +24,7 @@ FINE = Fraction(1, 1_000_000)  # for clocks an MP4 cannot hold: at most 0.5 us o
 MAX_TIMESCALE = 10_000_000  # an MP4 keeps the ticks between two pictures in 32 bits: 7 minutes at this scale
 KEY_FRAME_S = 2  # seconds between key frames: what a seek costs, and what a killed recording may lose
 BT709, LIMITED = 1, 1  # ITU-T H.273 codes
+FRAME_DURATION = 1 << 8  # AV_CODEC_FLAG_FRAME_DURATION: packets last as long as their pictures
 X264 = {"preset": "veryfast", "crf": "20"}
 # Fragments while recording, so that a killed one can be read up to its last second; turned into a plain file with one
 # index when it is closed. The index waits for the first pictures (delay_moov), or a later start would be lost.
@@ -78,11 +79,13 @@ class VideoWriter:
 
     def write(self, image: Image, t_ns: int | None) -> None:
         """Add one picture: (H, W, 3) BGR uint8, and its time in ns on the source's clock (None with `fps`)."""
+        if self._container is None:
+            raise OutputError("is closed already", file=self.path)
         pts = self._pts(t_ns)
         frame = self._frame(image)
         if self._held is not None:
             self._step = pts - self._held[1]
-            self._encode_held()
+            self._encode(*self._held, self._container)
         self._held = (frame, pts)
         self.written += 1
 
@@ -94,8 +97,9 @@ class VideoWriter:
         try:
             if self._held is None:
                 raise OutputError("no picture was written to it", file=self.path, hint="check the input")
-            self._encode_held()  # nothing ends the last picture: it stays as long as the one before it
-            self._mux(None)
+            # Nothing ends the last picture: it stays as long as the one before it.
+            self._encode(*self._held, container)
+            self._mux(None, container)
         except BaseException:
             self.abandon()
             raise
@@ -155,21 +159,15 @@ class VideoWriter:
             threads=1,
         )
 
-    def _encode_held(self) -> None:
-        if self._held is None:
-            return
-        frame, pts = self._held
-        frame.pts = pts
-        frame.time_base, frame.duration = self.time_base, self._step
-        self._mux(frame)
+    def _encode(self, frame: VideoFrame, pts: int, container: OutputContainer) -> None:
+        frame.pts, frame.time_base, frame.duration = pts, self.time_base, self._step
+        self._mux(frame, container)
 
-    def _mux(self, frame: VideoFrame | None) -> None:
-        if self._container is None:
-            raise OutputError("is closed already", file=self.path)
+    def _mux(self, frame: VideoFrame | None, container: OutputContainer) -> None:
         try:
             if self._stream is None:
-                self._stream = self._start(self._container)
-            self._container.mux(self._stream.encode(frame))
+                self._stream = self._start(container)
+            container.mux(self._stream.encode(frame))
         except (av.FFmpegError, OSError) as error:
             raise self._failed(error) from None
 
@@ -178,6 +176,7 @@ class VideoWriter:
         scale = str(self.time_base.denominator)
         options = MUXER | {"video_track_timescale": scale, "movie_timescale": scale}
         try:
+            self.path.open("wb").close()  # PyAV opens it with the first picture only; a bad place shall be said now
             return av.open(str(self.path), "w", format="mp4", options=options)
         except (av.FFmpegError, OSError) as error:
             raise self._failed(error) from None
@@ -192,6 +191,7 @@ class VideoWriter:
         stream.time_base = self.time_base
         codec = stream.codec_context
         codec.time_base = self.time_base
+        codec.flags |= FRAME_DURATION
         codec.max_b_frames = 0
         codec.gop_size = min(max(1, round(KEY_FRAME_S * rate)), 250)
         codec.thread_count = 2
