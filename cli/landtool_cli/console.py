@@ -4,14 +4,31 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TextIO, TypeVar
+from typing import Any, TextIO
 
 import click
 
-Item = TypeVar("Item")
+
+@dataclass
+class Counter:
+    """A progress bar, or nothing where none is shown."""
+
+    bar: Any
+
+    def expect(self, total: int | None) -> None:
+        """Say how many there will be; None when it is not known."""
+        if self.bar is not None:
+            self.bar.total = total
+            self.bar.refresh()
+
+    def add(self) -> None:
+        """Count one more."""
+        if self.bar is not None:
+            self.bar.update()
 
 
 @dataclass
@@ -60,20 +77,18 @@ class Console:
         """Print a traceback, as --debug asks for."""
         self._to_stderr(text.rstrip())
 
-    def progress(self, items: Iterable[Item], *, total: int | None, label: str, unit: str = "frame") -> Iterator[Item]:
-        """Pass `items` on while a bar counts them on stderr; no bar without a terminal or with --quiet.
-
-        `total` is None when the number of items is not known.
-        """
+    @contextmanager
+    def counter(self, *, label: str, unit: str = "frame") -> Iterator[Counter]:
+        """Show a bar on stderr that is moved by hand; none without a terminal or with --quiet."""
         if self.quiet or not _is_terminal(sys.stderr):
-            yield from items
+            yield Counter(None)
             return
         from tqdm import tqdm  # not needed by most calls, so not paid for by them
 
-        with tqdm(items, total=total, desc=label, unit=unit, file=sys.stderr, leave=False, dynamic_ncols=True) as bar:
+        with tqdm(desc=label, unit=unit, file=sys.stderr, leave=False, dynamic_ncols=True) as bar:
             self._bar = bar
             try:
-                yield from bar
+                yield Counter(bar)
             finally:
                 self._bar = None
 

@@ -272,7 +272,9 @@ def say_all(console: Console) -> None:
     console.log("a log")
     console.detail("a detail")
     console.warning("a warning")
-    assert list(console.progress([1, 2], total=2, label="counting")) == [1, 2]
+    with console.counter(label="counting") as counter:
+        counter.expect(2)
+        counter.add()
     console.result("a result")
 
 
@@ -326,8 +328,11 @@ def test_colour_is_for_terminals_that_want_it(monkeypatch: pytest.MonkeyPatch) -
 def test_a_line_told_meanwhile_does_not_tear_the_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = on_terminal(monkeypatch)
     console = Console()
-    for _ in console.progress(range(2), total=2, label="counting"):
-        console.log("between")
+    with console.counter(label="counting") as counter:
+        counter.expect(2)
+        for _ in range(2):
+            counter.add()
+            console.log("between")
     lines = terminal.getvalue().replace("\r", "\n").splitlines()
     assert lines.count("between") == 2
     assert any("counting" in line for line in lines)

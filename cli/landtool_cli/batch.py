@@ -1,0 +1,32 @@
+"""Several inputs in one call: their folders, and the exit code of them all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from landtool.errors import LandtoolError, OutputExistsError, UsageError
+
+LOSS = 3  # finished, with loss or with some inputs failed
+
+
+def output_folders(inputs: Sequence[Path], output: Path, *, overwrite: bool) -> list[Path]:
+    """Return the folder of each input: `output/<the input's stem>`.
+
+    Raises UsageError when two inputs would share one, OutputExistsError for one that is there, before any work.
+    """
+    folders = [output / (path.resolve().stem or "root") for path in inputs]
+    for index, folder in enumerate(folders):
+        if folder in folders[:index]:
+            first = inputs[folders.index(folder)]
+            raise UsageError(f"would write to the same folder as {first}", file=inputs[index], hint="run them apart")
+        if not overwrite and folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise OutputExistsError(folder)
+    return folders
+
+
+def batch_exit_code(codes: Sequence[int], failures: Sequence[LandtoolError]) -> int:
+    """Return 0 when all went well, 3 with loss or some failures, the errors' own code when all inputs failed."""
+    if failures and not codes:
+        return max(error.exit_code for error in failures)
+    return LOSS if failures else max(codes, default=0)

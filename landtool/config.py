@@ -1,0 +1,142 @@
+"""The settings of a run: typed, with defaults, read from TOML; what the user types on the command line wins over it."""
+
+from __future__ import annotations
+
+import tomllib
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from pathlib import Path
+from types import NoneType
+from typing import Any, Literal, TypeVar, get_args, get_origin
+
+from landtool.errors import InputError, UsageError
+from landtool.families import canonical_name
+from landtool.pad import refuse_unknown_keys
+from landtool.tone import parse_tone
+from landtool.tracking.tracker import TrackerConfig
+
+Settings = TypeVar("Settings")
+SAVES = ("video", "csv")
+
+
+@dataclass(frozen=True)
+class TagConfig:
+    """How tags are read."""
+
+    # pad: only the pad's own tags, where they are expected; all: every tag of `family` in every whole picture
+    which: Literal["pad", "all"] = "pad"
+    # read with which = "all", besides the families of the pad
+    family: str = "tag36h11"
+    # the pictures' tone curve: srgb, none, or a gamma
+    tone: str = "srgb"
+    # bits the decoder may correct, 0 to 2
+    max_hamming: int = 1
+    # least mean distance of a bit from its threshold, grey levels
+    min_margin: float = 20.0
+
+    def __post_init__(self) -> None:
+        canonical_name(self.family)
+        parse_tone(self.tone)
+        if not 0 <= self.max_hamming <= 2:
+            raise UsageError(f"max_hamming = {self.max_hamming} is outside 0 to 2")
+        if not 0.0 <= self.min_margin <= 255.0:
+            raise UsageError(f"min_margin = {self.min_margin:g} is outside 0 to 255")
+
+
+@dataclass(frozen=True)
+class TrackConfig:
+    """Everything `landtool track` can be told, except its inputs and its output folder."""
+
+    # calibration file, and the name of one camera in a Kalibr camchain
+    camera: Path | None = None
+    camera_name: str | None = None
+    # horizontal field of view that stands in for a calibration nobody has, degrees
+    hfov_deg: float | None = None
+    # scale a calibration made at another resolution of the same aspect
+    scale_intrinsics: bool = False
+    # pad TOML, and a ring diameter that replaces its own, metres
+    pad: Path | None = None
+    diameter_m: float | None = None
+    # camera on the body: a mount TOML; default straight down
+    mount: Path | None = None
+    # the drone's own poses: a CSV or TUM file, or a topic of the MCAP input
+    ego: str | None = None
+    # image topic of an MCAP log; frame rate of a folder of images
+    topic: str | None = None
+    fps: float | None = None
+    # outputs to write
+    save: tuple[str, ...] = SAVES
+    tags: TagConfig = field(default_factory=TagConfig)
+    tracker: TrackerConfig = field(default_factory=TrackerConfig)
+
+    def __post_init__(self) -> None:
+        for name in self.save:
+            if name not in SAVES:
+                raise UsageError(f"unknown output '{name}'", hint=f"known: {', '.join(SAVES)}")
+        if self.camera is not None and self.hfov_deg is not None:
+            raise UsageError("--camera and --hfov exclude each other", hint="keep the calibration file")
+
+
+def read_config(path: Path) -> dict[str, Any]:
+    """Return the settings of a TOML file as nested values for `configured`; file names relative to it are resolved.
+
+    Raises UsageError when it cannot be opened, InputError for broken TOML.
+    """
+    try:
+        with path.open("rb") as file:
+            data = tomllib.load(file)
+    except OSError as error:
+        raise UsageError(error.strerror or "cannot be read", file=path) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"no valid TOML: {error}", file=path) from error
+    for key in ("camera", "pad", "mount", "ego"):
+        value = data.get(key)
+        if isinstance(value, str) and (path.parent / value).exists():
+            data[key] = str(path.parent / value)
+    return data
+
+
+def configured(base: Settings, values: Mapping[str, Any], where: str = "") -> Settings:
+    """Return the settings with `values` put in; a nested mapping goes into the settings of that name.
+
+    Raises InputError for a key that is not known, naming the nearest one, and for a value of the wrong type.
+    """
+    names = [f.name for f in fields(base)]  # type: ignore[arg-type]
+    refuse_unknown_keys(values, names, where)
+    hints = typing.get_type_hints(type(base))
+    changes: dict[str, Any] = {}
+    for key, value in values.items():
+        current = getattr(base, key)
+        if is_dataclass(current) and not isinstance(current, type):
+            if not isinstance(value, Mapping):
+                raise InputError(f"'{where}{key}' must be a table")
+            changes[key] = configured(current, value, f"{where}{key}.")
+        else:
+            changes[key] = _converted(value, hints[key], f"{where}{key}")
+    return replace(base, **changes)  # type: ignore[type-var]
+
+
+def _converted(value: Any, kind: Any, name: str) -> Any:
+    """Return a value as the type a field is declared with."""
+    options = [k for k in get_args(kind) if k is not NoneType] if NoneType in get_args(kind) else [kind]
+    wanted = options[0]
+    if get_origin(wanted) is Literal:
+        if value in get_args(wanted):
+            return value
+        raise InputError(f"'{name}' must be one of {', '.join(map(str, get_args(wanted)))}")
+    if get_origin(wanted) is tuple:
+        items = value.split(",") if isinstance(value, str) else value
+        if isinstance(items, list | tuple) and all(isinstance(item, str) for item in items):
+            return tuple(item.strip() for item in items)
+        raise InputError(f"'{name}' must be a list of names")
+    if wanted is Path and isinstance(value, str | Path):
+        return Path(value)
+    if wanted is float and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if isinstance(value, wanted) and not (wanted is int and isinstance(value, bool)):
+        return value
+    raise InputError(f"'{name}' must be {_KINDS.get(wanted, wanted.__name__)}, not {value!r}")
+
+
+_KINDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", Path: "a file name"}

@@ -1,0 +1,185 @@
+"""One recording through the pipeline into its folder."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from landtool.camera import Camera
+from landtool.config import TrackConfig
+from landtool.draw import Overlay
+from landtool.errors import UsageError
+from landtool.geometry import Pose
+from landtool.io.atomic import atomic_folder, refuse_input_as_output
+from landtool.io.calibration import match_camera, read_camera
+from landtool.io.poses import STRAIGHT_DOWN, EgoPoses, read_ego, read_mount
+from landtool.io.prefetch import prefetch
+from landtool.io.run_record import Counts, HashedFile, RunRecord, StageTime, write_run
+from landtool.io.source import Source, SourceInfo, open_source
+from landtool.pad import PadSpec
+from landtool.pipeline import process
+from landtool.sinks import SinkSetup, open_sinks, write_all
+from landtool.summary import Summary
+from landtool.tags.reader import ReaderConfig, TagReader
+from landtool.tags.stage import TagStage
+from landtool.tone import parse_tone
+from landtool.tracking.ego import EgoTrajectory
+from landtool.tracking.platform import PlatformTracker
+from landtool.types import Frame, FrameResult, LostFrame
+
+_AHEAD = 4  # frames decoded, and results measured, ahead of their use: enough to even out their times
+OnFrame = Callable[[Frame | LostFrame, FrameResult], None]
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """What became of one input. exit_code: 0, or 3 when frames were lost or damaged."""
+
+    folder: Path
+    summary: Summary
+    counts: Counts
+    timings: dict[str, StageTime]
+    notes: tuple[str, ...]
+    wall_s: float
+    exit_code: int
+
+
+@dataclass(frozen=True)
+class _Setup:
+    """What a run needs, resolved from its settings and its input."""
+
+    camera: Camera
+    pad: PadSpec
+    body_T_camera: Pose
+    ego: EgoTrajectory | None
+    notes: list[str] = field(default_factory=list)
+
+
+def track(
+    path: Path,
+    folder: Path,
+    config: TrackConfig,
+    *,
+    overwrite: bool = False,
+    on_start: Callable[[SourceInfo], None] | None = None,
+    on_frame: OnFrame | None = None,
+) -> RunOutcome:
+    """Track the pad through one recording and write what was found into `folder`, whole or not at all.
+
+    Raises UsageError, InputError and OutputError as the parts do.
+    """
+    refuse_input_as_output([path], folder)
+    started = time.perf_counter()
+    with ExitStack() as stack:
+        source = stack.enter_context(open_source(path, topic=config.topic, fps=config.fps))
+        setup = _resolve(config, source.info)
+        tracker = PlatformTracker(config.tracker, setup.body_T_camera, setup.ego)
+        temporary = stack.enter_context(atomic_folder(folder, overwrite=overwrite))
+        if on_start is not None:
+            on_start(source.info)
+        sink_setup = SinkSetup(
+            temporary,
+            overlay=Overlay(setup.camera, setup.pad),
+            has_clock=source.info.has_clock,
+            time_base=source.info.time_base,
+            camera_T_reference=lambda result: tracker.camera_T_reference(result.t_ns),
+        )
+        summary = Summary(setup.camera)
+        results = process(prefetch(iter(source), _AHEAD), tags=_tag_stage(config, setup), tracker=tracker)
+        with open_sinks(config.save, sink_setup) as sinks:
+            written = write_all(summary.watch(prefetch(iter(results), _AHEAD)), sinks, on_frame)
+        notes = (*setup.notes, *source.info.notes, *source.report.notes, *(n for s in sinks for n in s.notes))
+        outcome = RunOutcome(
+            folder,
+            summary,
+            _counts(source, written.pictures),
+            written.timings,
+            tuple(dict.fromkeys(notes)),
+            time.perf_counter() - started,
+            0 if source.report.complete else 3,
+        )
+        write_run(temporary, _record(path, config, outcome))
+    return outcome
+
+
+def _resolve(config: TrackConfig, info: SourceInfo) -> _Setup:
+    notes: list[str] = []
+    pad = PadSpec.read(config.pad) if config.pad else PadSpec()
+    pad = pad.scaled(config.diameter_m) if config.diameter_m else pad
+    if not pad.tags:
+        raise UsageError("the pad has no tag to read", file=config.pad, hint="add [[tags]] to it")
+    camera = _camera(config, info, notes)
+    mount = read_mount(config.mount) if config.mount else STRAIGHT_DOWN
+    return _Setup(camera, pad, mount, _ego(config, info), notes)
+
+
+def _camera(config: TrackConfig, info: SourceInfo, notes: list[str]) -> Camera:
+    """Return the camera of the pictures as they are given out: matched in size, turned as they were."""
+    if config.hfov_deg is not None:
+        guessed = Camera.from_hfov(info.width, info.height, config.hfov_deg)
+        notes.append(f"camera assumed: {guessed.assumed}")
+        return guessed
+    camera = read_camera(config.camera, config.camera_name) if config.camera else info.camera
+    if camera is None:
+        hint = "pass --camera FILE, or --hfov DEG if nobody has measured it"
+        raise UsageError("no camera calibration", file=info.path, hint=hint)
+    if camera.assumed:
+        notes.append(f"camera assumed: {camera.assumed}")
+    return _turned(camera, info, config.scale_intrinsics, notes)
+
+
+def _turned(camera: Camera, info: SourceInfo, scale: bool, notes: list[str]) -> Camera:
+    if info.quarter_turns % 2 and (camera.width, camera.height) == (info.width, info.height):
+        notes.append("the calibration has the size of the turned pictures and is taken as theirs")
+        return camera
+    if info.quarter_turns:
+        notes.append(f"the pictures are turned by {info.rotation_deg} degrees, the intrinsics with them")
+    return match_camera(camera.rotated(info.quarter_turns), info.width, info.height, scale=scale)
+
+
+def _ego(config: TrackConfig, info: SourceInfo) -> EgoTrajectory | None:
+    """Read the drone's own poses: a file when there is one of that name, else a topic of the log."""
+    if config.ego is None:
+        return None
+    if Path(config.ego).is_file():
+        return EgoTrajectory(read_ego(Path(config.ego)))
+    if info.kind != "mcap":
+        raise UsageError("no such file", file=config.ego, hint="give a CSV or TUM file; topics are in MCAP logs only")
+    from landtool.io.mcap_poses import read_poses
+
+    stamped = read_poses(info.path, config.ego)
+    stamps = np.array([t_ns for t_ns, _ in stamped], dtype=np.int64)
+    places = np.array([pose.translation for _, pose in stamped])
+    return EgoTrajectory(EgoPoses(stamps, places, np.array([pose.quaternion_wxyz for _, pose in stamped])))
+
+
+def _tag_stage(config: TrackConfig, setup: _Setup) -> TagStage:
+    everything = config.tags.which == "all"
+    reader = ReaderConfig.of_pad(setup.pad)
+    wanted = {**dict.fromkeys(reader.wanted), config.tags.family: None} if everything else reader.wanted
+    reader = ReaderConfig(wanted, parse_tone(config.tags.tone), config.tags.max_hamming, config.tags.min_margin)
+    return TagStage(TagReader(reader), setup.pad, setup.camera, setup.body_T_camera, everywhere=everything)
+
+
+def _counts(source: Source, written: int) -> Counts:
+    report = source.report
+    return Counts(report.declared, report.decoded, report.damaged, report.lost, report.skipped, written)
+
+
+def _record(path: Path, config: TrackConfig, outcome: RunOutcome) -> RunRecord:
+    files = [path, *(Path(p) for p in (config.camera, config.pad, config.mount) if p)]
+    files += [Path(config.ego)] if config.ego and Path(config.ego).is_file() else []
+    return RunRecord(
+        command="track",
+        config=asdict(config),
+        inputs=tuple(HashedFile.of(file) for file in files),
+        counts=outcome.counts,
+        exit_code=outcome.exit_code,
+        timings=outcome.timings,
+        notes=outcome.notes,
+    )

@@ -1,0 +1,65 @@
+"""What a run says at its end, gathered while the results go by."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from landtool.camera import Camera
+from landtool.types import Frame, FrameResult, LostFrame
+
+Results = Iterable[tuple[Frame | LostFrame, FrameResult]]
+
+
+class Summary:
+    """Counts and extremes over a run; memory does not grow with its length.
+
+    frames, posed (with a pose), tags (read, all ids), flips_rejected (the better fit was not believed), states
+    (frames by the best track's state), distance_m (first, least), longest_gap_s (between poses, after the first).
+    """
+
+    def __init__(self, camera: Camera) -> None:
+        self.assumed = camera.assumed
+        self.frames = self.posed = self.tags = self.flips_rejected = 0
+        self.states: Counter[str] = Counter()
+        self.first_distance_m: float | None = None
+        self.least_distance_m: float | None = None
+        self.longest_gap_s = 0.0
+        self._last_pose_ns: int | None = None
+
+    def watch(self, results: Results) -> Iterator[tuple[Frame | LostFrame, FrameResult]]:
+        """Pass results on and take them in."""
+        for frame, result in results:
+            self._add(result)
+            yield frame, result
+
+    def _add(self, result: FrameResult) -> None:
+        self.frames += 1
+        self.tags += len(result.tags)
+        order = ("confirmed", "coasting", "tentative")
+        self.states[min((t.status for t in result.tracks), key=order.index, default="none")] += 1
+        if result.pose is None:
+            return
+        self.posed += 1
+        self.flips_rejected += "mirror" in result.reason
+        distance = float(np.linalg.norm(result.pose.camera_T_pad.translation))
+        self.first_distance_m = distance if self.first_distance_m is None else self.first_distance_m
+        self.least_distance_m = min(distance, self.least_distance_m or distance)
+        if result.t_ns is not None:
+            if self._last_pose_ns is not None:
+                self.longest_gap_s = max(self.longest_gap_s, (result.t_ns - self._last_pose_ns) * 1e-9)
+            self._last_pose_ns = result.t_ns
+
+    def lines(self) -> list[str]:
+        """Return the summary as text, a fact a line."""
+        said = [f"frames {self.frames}, pad measured in {self.posed}, tags read {self.tags}"]
+        if self.first_distance_m is not None and self.least_distance_m is not None:
+            said.append(f"first seen at {self.first_distance_m:.2f} m, closest {self.least_distance_m:.2f} m")
+            said.append(f"longest gap {self.longest_gap_s:.2f} s, mirror poses rejected {self.flips_rejected}")
+        share = ", ".join(f"{state} {count}" for state, count in sorted(self.states.items()))
+        said.append(f"track, frames by state: {share or 'none'}")
+        if self.assumed:
+            said.append(f"camera assumed: {self.assumed}; distances are as good as that")
+        return said
