@@ -20,12 +20,12 @@ from av.video.frame import VideoFrame
 from av.video.reformatter import VideoReformatter
 from av.video.stream import VideoStream
 
-from landtool.io.container_end import is_cut
 from landtool.io.source import SourceReport
 from landtool.io.video_clock import VideoClock
 from landtool.io.video_container import (
-    declared_end,
     describe,
+    early_end,
+    index_length,
     is_hidden,
     open_video,
     packet_damage,
@@ -214,16 +214,10 @@ class _Pass:
 
     def _check_end(self, container: InputContainer, stream: VideoStream) -> None:
         """Note a file that ends before its container says it should."""
-        end = ""
-        indexed = len(stream.index_entries) if "mp4" in container.format.name.split(",") else 0
+        indexed = index_length(container, stream)
         if indexed:  # an edit list may leave out frames the container counts
             self.report.skipped += max(0, stream.frames - indexed)
-        if indexed > self.packets:
-            end = f"its data ends {indexed - self.packets} frames before the end of its index"
-        elif is_cut(self.path, container.format.name):
-            end = "the file ends in the middle of its data"
-        elif (short_s := self.clock.short_of(declared_end(container, stream))) is not None:
-            end = f"its data ends or is unreadable {short_s:.3g} s before the end its container declares"
+        end = early_end(self.path, container, stream, self.clock, self.packets)
         if end:
             self.report.truncated = True
             self.report.note(end)

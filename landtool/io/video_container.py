@@ -13,10 +13,10 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from landtool.errors import InputError
-from landtool.io.container_end import has_box
+from landtool.io.container_end import has_box, is_cut
 from landtool.io.damage import is_zeroed
 from landtool.io.source import SourceInfo, SourceReport
-from landtool.io.video_clock import ticks_to_ns
+from landtool.io.video_clock import VideoClock, ticks_to_ns
 
 # Containers with times of their own that live in one local file: no playlists, devices, or bare streams.
 FORMATS = "mov,matroska,avi,mpegts,mpeg,ogg,flv,asf,mxf,nut,gif,ivf"
@@ -121,6 +121,26 @@ def declared_end(container: InputContainer, stream: VideoStream) -> Fraction | N
     if "matroska" in container.format.name and container.duration and len(container.streams) == 1:
         return Fraction(container.duration, av.time_base)
     return None
+
+
+def index_length(container: InputContainer, stream: VideoStream) -> int:
+    """Count the packets an MP4's or MOV's index lists; 0 for other containers, whose index may leave some out."""
+    return len(stream.index_entries) if "mp4" in container.format.name.split(",") else 0
+
+
+def early_end(path: Path, container: InputContainer, stream: VideoStream, clock: VideoClock, packets: int) -> str:
+    """Say how the file ends before its container says it should; empty when it does not.
+
+    packets: how many the stream gave; the clock has taken in all of them.
+    """
+    missing = index_length(container, stream) - packets
+    if missing > 0:
+        return f"its data ends {missing} frames before the end of its index"
+    if is_cut(path, container.format.name):
+        return "the file ends in the middle of its data"
+    if (short_s := clock.short_of(declared_end(container, stream))) is not None:
+        return f"its data ends or is unreadable {short_s:.3g} s before the end its container declares"
+    return ""
 
 
 def _rotation(frame: VideoFrame, notes: list[str]) -> int:
