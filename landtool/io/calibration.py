@@ -56,6 +56,22 @@ def read_camera(path: Path, name: str | None = None) -> Camera:
         raise type(error)(error.reason, file=path, hint=error.hint) from error
 
 
+def read_cameras(path: Path) -> tuple[str, dict[str, Camera]]:
+    """Return a calibration file's format and all its cameras by name, the one of a ROS or OpenCV file without a name.
+
+    Raises as `read_camera` does.
+    """
+    try:
+        text = _read_text(path)
+        data = _parse(text)
+        if chain := _camchain(data):
+            return "Kalibr camchain", {name: _from_kalibr(name, cam) for name, cam in chain.items()}
+        opencv = _is_file_storage(text) or text.lstrip().startswith("{")
+        return "OpenCV FileStorage" if opencv else "ROS camera_info", {"": _from_matrix(data)}
+    except LandtoolError as error:
+        raise type(error)(error.reason, file=path, hint=error.hint) from error
+
+
 def match_camera(camera: Camera, width: int, height: int, *, scale: bool) -> Camera:
     """Return the camera for images of width x height pixels.
 
@@ -122,7 +138,7 @@ def _read_text(path: Path) -> str:
 def _parse(text: str) -> Mapping[str, Any]:
     """Turn the text into nested mappings, lists and plain values, whichever format it is in."""
     try:
-        if text.startswith("%YAML:") or "!!opencv-" in text or text.lstrip().startswith("<"):
+        if _is_file_storage(text):
             data = _parse_file_storage(text)
         else:
             data = _parse_json_or_yaml(text)
@@ -132,6 +148,11 @@ def _parse(text: str) -> Mapping[str, Any]:
     if not isinstance(data, Mapping):
         raise InputError("holds no calibration", hint=_HINT)
     return data
+
+
+def _is_file_storage(text: str) -> bool:
+    """Tell OpenCV's own YAML and XML, which nothing else reads, from plain YAML and JSON."""
+    return text.startswith("%YAML:") or "!!opencv-" in text or text.lstrip().startswith("<")
 
 
 def _place(error: Exception) -> str:
