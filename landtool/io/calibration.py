@@ -138,10 +138,7 @@ def _read_text(path: Path) -> str:
 def _parse(text: str) -> Mapping[str, Any]:
     """Turn the text into nested mappings, lists and plain values, whichever format it is in."""
     try:
-        if _is_file_storage(text):
-            data = _parse_file_storage(text)
-        else:
-            data = _parse_json_or_yaml(text)
+        data = _parse_file_storage(text) if _is_file_storage(text) else _parse_json_or_yaml(text)
     # a parser meets anything here: PyYAML also raises ValueError (an impossible date) and RecursionError
     except (yaml.YAMLError, cv2.error, SystemError, ValueError, RecursionError) as error:
         raise InputError(f"is no valid YAML, XML or JSON{_place(error)}", hint=_HINT) from error
