@@ -28,7 +28,8 @@ Box = tuple[int, int, int, int]
 # samples a pixel: few enough to be quick where the pad is large, enough for its edges where it is small
 _FIBONACCI = (1, 2, 3, 5, 8, 13, 21, 34, 55, 89, 144, 233, 377)
 _SAMPLES_LARGE, _SAMPLES_SMALL, _SMALL_PX = 34, 89, 160
-_CHUNK_SAMPLES = 1 << 16
+# at once: what the processor keeps near; a row of cv2.remap ends before 32767
+_CHUNK_SAMPLES, _CHUNK_PIXELS = 1 << 16, 1 << 14
 
 
 def render_pad(
@@ -111,7 +112,7 @@ def sample_plane(camera: Camera, camera_T_plane: Pose, texture: PlaneTexture, bo
     # texels about as wide as the samples are apart: finer ones would alias, coarser ones blur
     spacing = _footprint(corners) / math.sqrt(samples)
     level = np.clip(np.floor(np.log2(np.maximum(spacing, 1e-9))), 0, len(texture.levels) - 1).astype(int)
-    step = max(1, _CHUNK_SAMPLES // samples)
+    step = min(_CHUNK_SAMPLES // samples, _CHUNK_PIXELS)
     for one in np.unique(level):
         places = np.flatnonzero(level == one)
         for first in range(0, len(places), step):
