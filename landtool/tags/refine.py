@@ -6,8 +6,10 @@ every module can be used. In linear light the picture is blurred by the camera a
     I(u) = (g0 + g1 x + g2 y) M(m; blur) + b,    m = H^-1 u,    (x, y) = m / half width
 
 Gauss-Newton fits the homography H, the light g0 g1 g2, the black level b and the blur, so nothing has to be assumed
-about where a blurred edge "is". The normal matrix gives the corners' covariance. Method: Lucas and Kanade, 1981; the
-plane of light follows the intensity model of AprilTag 2 (Wang and Olson, 2016).
+about where a blurred edge "is". The blur is round in the image, so on a tilted tag it is an ellipse. Method: Lucas
+and Kanade, 1981; the plane of light follows the intensity model of AprilTag 2 (Wang and Olson, 2016). The corners'
+covariance comes from the residuals themselves (White, 1980; MacKinnon and White's HC3, 1985), because noise that is
+even in encoded values is far from even in linear light.
 """
 
 from __future__ import annotations
@@ -19,21 +21,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landtool.geometry import Array
-from landtool.tags.template import Template, template
+from landtool.tags.template import Template, edge_places, template
 from landtool.tone import Tone, encode_with_slope, linear_lut
 
-MAX_SIDE_PX = 64.0  # larger tags are binned: their corners are at the 0.01 px level all the same
-EDGE_PIXELS = 600
-FLAT_STRIDE = 6  # of the pixels away from edges one in so many is kept: they only carry the light
-ITERATIONS = 5
-STOP_PX = 0.01  # Gauss-Newton's next step would be far smaller
+ALL_PIXELS_MODULE_PX = 3.0  # tags smaller than this use every pixel, larger ones those about their edges
+ACROSS_EDGE_PX = (-1.0, 0.0, 1.0)
+ITERATIONS = 8
+STOP_PX = 0.03  # Gauss-Newton's next step would be far smaller
 START_BLUR_PX = 0.7
 BLUR_RANGE_PX = (0.3, 4.0)
 # Model and camera never agree exactly (demosaicing, sharpening, a bent sheet): a floor for each corner coordinate.
-FLOOR_PX = 0.006
+FLOOR_PX = 0.004
 NOISE = 2.0 / 255.0
 MODEL_ERROR = 0.02
 _PARAMETERS = 13
+_FEWEST_PIXELS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,149 +58,177 @@ def register(image: NDArray[np.uint8], family: str, tag_id: int, corners_px: Arr
 
     Returns None when the fit leaves its start, finds no contrast, or has too few pixels to say anything.
     """
-    patch, origin, binning = _patch(image, corners_px, tone)
-    start = (corners_px + 0.5 - origin) / binning - 0.5
-    found = _Fit(patch, family, tag_id, start, tone).run()
-    if found is None:
-        return None
-    corners = (found.corners_px + 0.5) * binning + origin - 0.5
-    return Registration(corners, found.covariance_px2 * binning**2, found.blur_px * binning, found.correlation)
-
-
-def _patch(image: NDArray[np.uint8], corners_px: Array, tone: Tone) -> tuple[NDArray[np.float32], Array, int]:
-    """Cut out the tag with some surroundings, in linear light; returns its first pixel and the binning factor."""
-    low, high = corners_px.min(axis=0), corners_px.max(axis=0)
-    side = float((high - low).max())
-    binning = max(1, round(side / MAX_SIDE_PX))
-    pad = 0.2 * side + 2.0
-    x0, y0 = np.maximum(np.floor(low - pad), 0).astype(int)
-    x1, y1 = np.ceil(high + pad).astype(int) + 1
-    cut = image[y0:y1, x0:x1]
-    height, width = (n // binning * binning for n in cut.shape)
-    linear = linear_lut(tone)[cut[:height, :width]]
-    if binning > 1:
-        size = (width // binning, height // binning)
-        linear = cv2.resize(linear, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-    return linear, np.array([x0, y0], dtype=np.float64), binning
+    return _Fit(image, family, tag_id, corners_px, tone).run()
 
 
 class _Fit:
-    """One registration in a patch. Parameters: 8 homography entries, g0 g1 g2, black level, blur in modules."""
+    """One registration. Parameters: 8 homography entries, g0 g1 g2, black level, blur in pixels.
 
-    def __init__(self, patch: NDArray[np.float32], family: str, tag_id: int, start: Array, tone: Tone) -> None:
-        self.start, self.tone = start, tone
-        scale = np.sqrt(abs(_area(start)))
-        sharpest = template(family, tag_id, 1.0)
-        self.module_px = float(scale) / (2.0 * sharpest.half)
-        self.tag = (family, tag_id)
-        h = sharpest.half
-        self.square = np.array([[-h, -h], [h, -h], [h, h], [-h, h]])
-        self.patch = patch
+    Pixels are counted from the tag's middle, so that the homography's entries are of like size.
+    """
+
+    def __init__(self, image: NDArray[np.uint8], family: str, tag_id: int, corners_px: Array, tone: Tone) -> None:
+        self.image, self.tag, self.tone = image, (family, tag_id), tone
+        self.origin = np.rint(corners_px.mean(axis=0))
+        self.start = corners_px - self.origin
+        half = template(family, tag_id, 1.0).half
+        self.square = np.array([[-half, half, half, -half], [-half, -half, half, half], [1.0, 1.0, 1.0, 1.0]])
+        self.module_px = float(np.sqrt(max(_area(self.start), 1e-6))) / (2.0 * half)
 
     def run(self) -> Registration | None:
-        blur_range = np.array(BLUR_RANGE_PX) / self.module_px
-        picture = template(*self.tag, START_BLUR_PX / self.module_px)
-        p = self._start(picture)
+        p = self._begin()
         if p is None:
             return None
         for _ in range(ITERATIONS):
-            residual, jacobian, weight = self._linearise(p, picture)
-            step = _solve(jacobian.T @ (jacobian * weight[:, None]), jacobian.T @ (weight * residual))
-            if step is None or not np.isfinite(step).all():
+            residual, jacobian, weight = self._linearise(p)
+            weighted = jacobian * weight
+            inverse = _inverse(weighted @ jacobian.T)
+            if inverse is None:
                 return None
             before = self._corners(p)
+            step = inverse @ (weighted @ residual)
             p = p + step
-            p[12] = np.clip(p[12], *blur_range)
-            picture = template(*self.tag, p[12])
+            p[12] = min(max(p[12], BLUR_RANGE_PX[0]), BLUR_RANGE_PX[1])
             moved = np.abs(self._corners(p) - before).max()
+            if not moved < 3.0 * self.module_px:  # NaN too
+                return None
             if moved < STOP_PX:
                 break
-        return self._outcome(p, picture)
+        # the last step was tiny: residuals follow it linearly
+        return self._outcome(p, residual - step @ jacobian, jacobian, weighted, inverse)
 
-    def _start(self, picture: Template) -> Array | None:
-        """Choose the pixels, most of them at edges, and set the light by linear least squares."""
-        corners = self.start.astype(np.float32)
-        homography = cv2.getPerspectiveTransform(self.square.astype(np.float32), corners)
-        p = np.concatenate([homography.ravel()[:8] / homography[2, 2], np.zeros(4), [picture.blur]])
-        v, u = (axis.ravel().astype(np.float64) for axis in np.indices(self.patch.shape))
-        x, y = _unwarp(p, u, v)
-        # half a module at the picture's rim is left out: what is beyond it is blurred into it
-        rim = picture.reach - 0.4
-        inside = np.flatnonzero((np.abs(x) < rim) & (np.abs(y) < rim))
-        if len(inside) < 60:
+    def _begin(self) -> Array | None:
+        """Choose the pixels and set the light by linear least squares; None where there is no contrast."""
+        homography = cv2.getPerspectiveTransform(self.square[:2].T.astype(np.float32), self.start.astype(np.float32))
+        p = np.concatenate([homography.ravel()[:8] / homography[2, 2], np.zeros(4), [START_BLUR_PX]])
+        if not np.isfinite(p).all():
             return None
-        found = picture.look_up(x[inside], y[inside])
-        if len(inside) > EDGE_PIXELS:
-            steepness = np.abs(found[:, 1]) + np.abs(found[:, 2])
-            order = np.argsort(-steepness, kind="stable")
-            keep = np.concatenate([order[:EDGE_PIXELS], order[EDGE_PIXELS::FLAT_STRIDE]])
-            inside, found = inside[keep], found[keep]
-        self.u, self.v, self.values = u[inside], v[inside], self.patch.ravel()[inside].astype(np.float64)
-        gain, black = np.polyfit(found[:, 0], self.values, 1)
-        p[8], p[11] = gain, black
+        self.pixels = self._every_pixel(p) if self.module_px < ALL_PIXELS_MODULE_PX else self._edge_pixels(p)
+        if self.pixels.shape[1] < _FEWEST_PIXELS:
+            return None
+        column, row = (self.pixels[:2] + self.origin[:, None]).astype(np.intp)
+        self.values = linear_lut(self.tone)[self.image[row, column]].astype(np.float64)
+        level = self._picture(p).look_up(_unwarp(p, self.pixels))[0][0]
+        mean = float(level.mean())
+        varied = level - mean
+        gain = float(varied @ self.values) / max(float(varied @ varied), 1e-9)
+        p[8], p[11] = gain, self.values.mean() - gain * mean
+        # noise is even in encoded values, so in linear light it goes with the inverse slope of the curve; a blur
+        # that is no Gaussian errs in proportion to the contrast, and must not let the dark foot of an edge decide
+        _, slope = encode_with_slope(np.clip(gain * level + p[11], 0.0, 0.999), self.tone)
+        self.noise = (NOISE / slope) ** 2 + (MODEL_ERROR * gain) ** 2
         return p if gain > 0 else None
 
-    def _linearise(self, p: Array, picture: Template) -> tuple[Array, Array, Array]:
-        """Residuals (N,), Jacobian (N, 13) and weights (N,) in linear light."""
-        u, v = self.u, self.v
-        mx, my = _unwarp(p, u, v)
-        level, by_x, by_y, by_blur = picture.look_up(mx, my).T
-        level = level + by_blur * (p[12] - picture.blur)
+    def _every_pixel(self, p: Array) -> Array:
+        """Return the pixels (3, N) u, v, 1 that see the tag and its border."""
+        low, high = self.start.min(axis=0), self.start.max(axis=0)
+        margin = 2.0 * self.module_px + 1.0
+        u, v = (np.arange(np.floor(a - margin), np.ceil(b + margin) + 1) for a, b in zip(low, high, strict=True))
+        grid = np.stack(np.meshgrid(u, v)).reshape(2, -1)
+        rim = self._picture(p).reach - 0.3
+        grid = np.concatenate([grid, np.ones((1, grid.shape[1]))])
+        seen = (np.abs(_unwarp(p, grid)) < rim).all(axis=0)
+        return self._in_image(grid[:, seen])
+
+    def _edge_pixels(self, p: Array) -> Array:
+        """Return pixels (3, N) u, v, 1 on and beside the edges, and one in the middle of each module."""
+        places, normals, centres = edge_places(*self.tag)
+        homography = np.append(p[:8], 1.0).reshape(3, 3)
+        on_edge, beside = (_project(homography, q) for q in (places, places + 0.1 * normals))
+        across = (beside - on_edge) / np.linalg.norm(beside - on_edge, axis=0)
+        chosen = [on_edge + k * across for k in ACROSS_EDGE_PX] + [_project(homography, centres)]
+        key = np.rint(np.concatenate(chosen, axis=1))
+        _, first = np.unique(key[0] * 1e5 + key[1], return_index=True)
+        return self._in_image(np.concatenate([key, np.ones((1, key.shape[1]))])[:, first])
+
+    def _in_image(self, pixels: Array) -> Array:
+        height, width = self.image.shape
+        u, v = pixels[0] + self.origin[0], pixels[1] + self.origin[1]
+        return pixels[:, (u >= 0) & (u < width) & (v >= 0) & (v < height)]
+
+    def _picture(self, p: Array) -> Template:
+        return template(*self.tag, p[12] / self.module_px)
+
+    def _linearise(self, p: Array) -> tuple[Array, Array, Array]:
+        """Residuals (N,), Jacobian (13, N) and weights (N,) in linear light."""
+        u, v, _ = self.pixels
+        picture = self._picture(p)
+        places = _unwarp(p, self.pixels)
+        (level, by_x, by_y), (by_xx, by_xy, by_yy) = picture.look_up(places)
+        mx, my = places
+        # dm/du = [d -b; -c a] / (a d - b c), the inverse of du/dm
+        w = 1.0 / (p[6] * mx + p[7] * my + 1.0)
+        a, b = (p[0] - u * p[6]) * w, (p[1] - u * p[7]) * w
+        c, d = (p[3] - v * p[6]) * w, (p[4] - v * p[7]) * w
+        shrink = 1.0 / (a * d - b * c)
+        # a blur of 1 px in the image is dm/du dm/du^T on the tag, and dM/dblur^2 = (Mxx, Mxy, Myy) : half of that
+        bend = 0.5 * (by_xx * (b * b + d * d) + by_yy * (a * a + c * c)) - by_xy * (a * b + c * d)
+        bend *= shrink * shrink
+        level = level + p[12] ** 2 * bend - 0.5 * picture.blur**2 * (by_xx + by_yy)
         x, y = mx / picture.half, my / picture.half
         light = p[8] + p[9] * x + p[10] * y
         model = light * level + p[11]
         # u = H(m) with u fixed to the pixel: dm = -(du/dm)^-1 du/dh, and dI = light grad M . dm
-        w = p[6] * mx + p[7] * my + 1.0
-        a, b = (p[0] - u * p[6]) / w, (p[1] - u * p[7]) / w
-        c, d = (p[3] - v * p[6]) / w, (p[4] - v * p[7]) / w
-        gain = -light / ((a * d - b * c) * w)
+        gain = -light * shrink * w
         gu, gv = gain * (by_x * d - by_y * c), gain * (by_y * a - by_x * b)
         gw = -(gu * u + gv * v)
-        columns = (
+        jacobian = np.stack([
             gu * mx, gu * my, gu, gv * mx, gv * my, gv, gw * mx, gw * my,
-            level, level * x, level * y, np.ones_like(x), light * by_blur,
-        )  # fmt: skip
+            level, level * x, level * y, np.ones_like(x), (2.0 * p[12]) * light * bend,
+        ])  # fmt: skip
         residual = self.values - np.minimum(model, 1.0)
-        # noise is even in encoded values, so in linear light it goes with the inverse slope of the curve; a blur
-        # that is no Gaussian errs in proportion to the contrast, and must not let the dark foot of an edge decide
-        _, slope = encode_with_slope(np.clip(model, 0.0, 0.999), self.tone)
-        spread = np.hypot(NOISE / slope, MODEL_ERROR * light)
-        return residual, np.stack(columns, axis=1), (model < 1.0) * _huber(residual / spread) / spread**2
+        # what stands beyond the picture is unknown and is blurred into its rim: Phi(-d) of it, about a logistic curve
+        depth = (picture.reach - np.abs(places).max(axis=0)) * (1.702 * self.module_px / p[12])
+        self.strange = p[8] / (1.0 + np.exp(depth))
+        variance = self.noise + self.strange**2
+        return residual, jacobian, (model < 1.0) * _huber(residual / np.sqrt(variance)) / variance
 
-    def _outcome(self, p: Array, picture: Template) -> Registration | None:
+    def _outcome(
+        self, p: Array, residual: Array, jacobian: Array, weighted: Array, inverse: Array
+    ) -> Registration | None:
         corners = self._corners(p)
         if not np.isfinite(p).all() or p[8] <= 0 or np.abs(corners - self.start).max() > 1.0 + 0.6 * self.module_px:
             return None
-        residual, jacobian, weight = self._linearise(p, picture)
-        inverse = _solve(jacobian.T @ (jacobian * weight[:, None]), np.eye(_PARAMETERS))
-        if inverse is None:
-            return None
-        variance = float(weight @ residual**2) / max(len(residual) - _PARAMETERS, 1)
-        by_h = self._corner_jacobian(p, corners)
-        covariance = variance * by_h @ inverse[:8, :8] @ by_h.T + FLOOR_PX**2 * np.eye(8)
+        # HC3: (J W J')^-1 J W diag(r / (1 - h))^2 W J' (J W J')^-1, h the pixel's own pull on its model; what the
+        # unknown surroundings may do counts like a residual
+        pull = inverse @ weighted
+        leverage = np.minimum((pull * jacobian).sum(axis=0), 0.9)
+        to_corners = (
+            self._corner_jacobian(p, corners) @ pull[:8] * (np.hypot(residual, self.strange) / (1.0 - leverage))
+        )
+        # estimated from few pixels, the covariance itself is uncertain; the mean of e' C^-1 e grows by n / (n - 2 k)
+        few = len(residual) / max(len(residual) - 2.0 * _PARAMETERS, 1.0)
+        covariance = few * to_corners @ to_corners.T + FLOOR_PX**2 * np.eye(8)
         model = self.values - residual
-        correlation = float(np.corrcoef(model, self.values)[0, 1])
-        return Registration(corners, covariance, float(p[12]) * self.module_px, correlation)
+        m, v = model - model.mean(), self.values - self.values.mean()
+        correlation = float(m @ v) / max(float(np.sqrt((m @ m) * (v @ v))), 1e-12)
+        return Registration(corners + self.origin, covariance, float(p[12]), correlation)
 
     def _corners(self, p: Array) -> Array:
-        q = np.column_stack([self.square, np.ones(4)]) @ np.append(p[:8], 1.0).reshape(3, 3).T
-        return np.asarray(q[:, :2] / q[:, 2:])
+        q = np.append(p[:8], 1.0).reshape(3, 3) @ self.square
+        return (q[:2] / q[2]).T
 
     def _corner_jacobian(self, p: Array, corners: Array) -> Array:
         """Derivative (8, 8) of x0 y0 ... x3 y3 by the homography's first eight entries."""
-        rows = []
-        for (mx, my), (u, v) in zip(self.square, corners, strict=True):
-            w = p[6] * mx + p[7] * my + 1.0
-            rows.append([mx / w, my / w, 1 / w, 0, 0, 0, -u * mx / w, -u * my / w])
-            rows.append([0, 0, 0, mx / w, my / w, 1 / w, -v * mx / w, -v * my / w])
-        return np.array(rows)
+        rows = np.zeros((8, 8))
+        q = (self.square / (p[6] * self.square[0] + p[7] * self.square[1] + 1.0)).T
+        rows[0::2, 0:3], rows[1::2, 3:6] = q, q
+        rows[:, 6:] = -corners.reshape(8, 1) * np.repeat(q[:, :2], 2, axis=0)
+        return rows
 
 
-def _unwarp(p: Array, u: Array, v: Array) -> tuple[Array, Array]:
-    """Take pixels u, v (N,) to places x, y (N,) on the tag, modules from its centre."""
-    inverse = np.linalg.inv(np.append(p[:8], 1.0).reshape(3, 3))
-    x, y, w = (row[0] * u + row[1] * v + row[2] for row in inverse)
-    return x / w, y / w
+def _unwarp(p: Array, pixels: Array) -> Array:
+    """Take pixels (3, N) u, v, 1 to places (2, N) on the tag, modules from its centre."""
+    q = np.linalg.inv(np.append(p[:8], 1.0).reshape(3, 3)) @ pixels
+    places: Array = q[:2] / q[2]
+    return places
+
+
+def _project(homography: Array, places: Array) -> Array:
+    """Take places (2, N) on the tag to pixels (2, N)."""
+    q = homography[:, :2] @ places + homography[:, 2:]
+    pixels: Array = q[:2] / q[2]
+    return pixels
 
 
 def _area(corners: Array) -> float:
@@ -208,16 +238,18 @@ def _area(corners: Array) -> float:
 
 def _huber(residual: Array) -> Array:
     """Weights (N,) that bound the pull of pixels the model cannot explain: glare, dirt, an occluder."""
-    spread = 1.4826 * float(np.median(np.abs(residual))) + 1e-3
-    weight: Array = np.minimum(1.0, 2.0 * spread / np.maximum(np.abs(residual), 1e-12))
+    size = np.abs(residual)
+    spread = 1.4826 * float(np.median(size)) + 1e-3
+    weight: Array = np.minimum(1.0, 2.0 * spread / np.maximum(size, 1e-12))
     return weight
 
 
-def _solve(matrix: Array, right: Array) -> Array | None:
-    """Solve a normal equation whose entries span many decades: scaled to a unit diagonal first."""
-    d = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+def _inverse(matrix: Array) -> Array | None:
+    """Invert a normal matrix whose entries span many decades: scaled to a unit diagonal first."""
+    d = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scale = np.outer(d, d)
     try:
-        scaled = np.linalg.solve(matrix / np.outer(d, d), (right.T / d).T)
+        inverse: Array = np.linalg.inv(matrix * scale) * scale
     except np.linalg.LinAlgError:
         return None
-    return np.asarray((scaled.T / d).T)
+    return inverse if np.isfinite(inverse).all() else None
