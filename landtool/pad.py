@@ -201,6 +201,11 @@ class PadSpec:
         return np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
 
     @property
+    def letter_outline_m(self) -> Array:
+        """The H as one polygon (12, 2), pad frame, metres; empty (0, 2) without an H."""
+        return _letter_outline(self.letter) * self.diameter_m if self.letter else np.zeros((0, 2))
+
+    @property
     def extent_m(self) -> float:
         """Side of the centred square that holds everything printed, metres."""
         points = [np.abs(shape.points_m).max() + shape.radius_m for shape in self.shapes()]
@@ -218,7 +223,7 @@ class PadSpec:
             painted.append(Shape(centre, self.ring.color, self.ring.outer * d / 2.0))
             painted.append(Shape(centre, inside, self.ring.inner * d / 2.0))
         if self.letter:
-            painted.append(Shape(_letter_outline(self.letter) * d, self.letter.color))
+            painted.append(Shape(self.letter_outline_m, self.letter.color))
         if self.quiet_zone:
             painted.append(_square(self.quiet_zone.side * d, self.quiet_zone.color))
         for tag in self.tags:

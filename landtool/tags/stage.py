@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from landtool.camera import Camera
 from landtool.geometry import Pose
 from landtool.pad import PadSpec
 from landtool.tags.choose import SolutionChooser
+from landtool.tags.outline import outline_misfit
 from landtool.tags.pose import Solution, pad_solutions
 from landtool.tags.reader import TagReader
 from landtool.tags.search import TagSearch
@@ -62,7 +64,8 @@ class TagStage:
         solutions = pad_solutions(tags, self._camera, self._pad)
         if not solutions:
             return None, "no tag of the pad read"
-        chosen = self._chooser.choose(solutions, frame.t_ns, world_T_body)
+        misfit = partial(outline_misfit, frame.image, self._camera, pad=self._pad)
+        chosen = self._chooser.choose(solutions, frame.t_ns, world_T_body, misfit)
         reason = "kept the solution the past supports, its mirror image fits better" if chosen else ""
         return _pad_pose(solutions, chosen), reason
 
