@@ -176,7 +176,7 @@ def _flat(values: dict[str, object], where: str = "") -> dict[str, object]:
 
 
 def _tuple(values: Array) -> tuple[float, ...]:
-    return tuple(float(value) + 0.0 for value in values)  # + 0.0: no minus before a zero
+    return tuple(round(float(value), 12) + 0.0 for value in values)  # + 0.0: no minus before a zero
 
 
 def _toml_keys(text: str) -> set[str]:

@@ -72,6 +72,8 @@ def _without_pictures(log: Log, request: Request) -> Recording:
 
 def _advice(path: Path, request: Request, log: Log, error: LandtoolError) -> TrackAdvice:
     """Say which topic to choose, or why there is nothing to choose from."""
+    if not any(topic.role == "image" for topic in log.topics):
+        return TrackAdvice("", obstacle="there is no image topic; record the camera's")
     images = [topic for topic in log.topics if topic.role == "image" and topic.messages]
     if len(images) < 2:
         return TrackAdvice("", obstacle=f"{error.reason}; {error.hint}")

@@ -110,7 +110,7 @@ def recording_facts(request: Request, look: Look, source: Source) -> Facts:
         format=look.format,
         bytes=size_of(info.path),
         damaged=look.damaged or (scan is not None and not source.report.complete),
-        notes=tuple(dict.fromkeys([*info.notes, *look.notes, *(source.report.notes if scan else ())])),
+        notes=tuple(dict.fromkeys([*info.notes, *look.notes, *(_scan_notes(scan, source) if scan else ())])),
         facts=recording,
         track=_advice(info, request, look, camera, misfit),
     )
@@ -139,6 +139,14 @@ def _scan(source: Source, request: Request) -> tuple[Scan, list[int]]:
     report = source.report
     counts = report.decoded, report.damaged, report.lost, report.skipped, report.truncated
     return Scan(*counts, tuple((*size, count) for size, count in sizes.most_common()), tuple(faults)), times
+
+
+def _scan_notes(scan: Scan, source: Source) -> list[str]:
+    many = len(scan.sizes) > 1
+    return [
+        *source.report.notes,
+        *(["the pictures are not all of one size, a calibration fits only one"] if many else []),
+    ]
 
 
 def fitting_camera(info: SourceInfo, request: Request) -> tuple[Camera | None, InputError | None]:

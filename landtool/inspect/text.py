@@ -42,8 +42,9 @@ def as_values(value: Any) -> Any:
         return {str(key): as_values(item) for key, item in value.items()}
     if isinstance(value, tuple | list):
         return [as_values(item) for item in value]
-    odd = isinstance(value, Path) or (isinstance(value, float) and not math.isfinite(value))  # JSON has no NaN
-    return str(value) if odd else value
+    if isinstance(value, float) and math.isfinite(value):
+        return float(f"{value:.12g}")  # without the noise of the last bits
+    return str(value) if isinstance(value, float | Path) else value  # JSON has no NaN
 
 
 def _title(facts: Facts) -> str:

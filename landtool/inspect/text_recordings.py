@@ -54,7 +54,7 @@ def _frames(it: Recording) -> str:
         text += f", {counted(it.key_frames, 'key frame')}"
     if it.damaged_packets:
         text += f", {it.damaged_packets} show damage"
-    return text if it.scan else f"{text}; counted, not decoded (--scan decodes)"
+    return text if it.scan else f"{text} (counted; --scan decodes them)"
 
 
 def _scan(scan: Scan, clock: Clock | None) -> Iterator[Line]:
@@ -73,7 +73,7 @@ def _scan(scan: Scan, clock: Clock | None) -> Iterator[Line]:
 def _fault(fault: Fault, clock: Clock | None) -> str:
     at = "" if fault.t_ns is None or clock is None else f" at {since_start(fault.t_ns, clock)}"
     name = f" ({fault.file})" if fault.file else ""
-    return f"frame {fault.frame}{name}{at} {'lost' if fault.lost else 'damaged'}: {fault.reason}"
+    return f"frame {fault.frame}{name}{at}, {'lost' if fault.lost else 'damaged'}: {fault.reason}"
 
 
 def _log(log: Log) -> Iterator[Line]:

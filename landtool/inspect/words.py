@@ -26,7 +26,7 @@ def clock_lines(clock: Clock) -> Iterator[Line]:
         kind = f"steady, {_ms(clock.median_interval_ns)} apart"
     yield "rate", f"{clock.mean_hz:.5g} a second on average, {kind}"
     if clock.gaps:
-        yield "gaps", f"{counted(len(clock.gaps), 'interval')} of twice the median or more"
+        yield "gaps", f"{counted(len(clock.gaps), 'interval')} of twice the median or more, by the time since the start"
         yield from (("", _gap(gap, clock)) for gap in clock.gaps[:SHOWN])
     if len(clock.gaps) > SHOWN:
         yield "", f"and {len(clock.gaps) - SHOWN} more"
@@ -36,7 +36,7 @@ def clock_lines(clock: Clock) -> Iterator[Line]:
 
 
 def _gap(gap: Gap, clock: Clock) -> str:
-    return f"{seconds(gap.length_ns)} after frame {gap.after_frame} at {since_start(gap.t_ns, clock)}"
+    return f"{since_start(gap.t_ns, clock)}: {seconds(gap.length_ns)} after frame {gap.after_frame}"
 
 
 def camera_lines(camera: CameraFacts) -> Iterator[Line]:
@@ -88,7 +88,7 @@ def _ms(ns: int | None) -> str:
 
 def since_start(t_ns: int, clock: Clock) -> str:
     """Write a time as the seconds since the first."""
-    return f"{seconds(t_ns - clock.first_ns)} from the start"
+    return seconds(t_ns - clock.first_ns)
 
 
 def moment(t_ns: int) -> str:
