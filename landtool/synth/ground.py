@@ -30,7 +30,7 @@ _SKY = (0.80, 0.68, 0.58)
 class Ground:
     """A ground without end: the plane z = 0 of its own frame.
 
-    detail: what repeats every few metres. patches: slow change of brightness that multiplies it, 0.5 where there is none.
+    detail: what repeats every few metres. patches: slow change of brightness over it, 0.5 where there is none.
     """
 
     detail: PlaneTexture

@@ -93,12 +93,12 @@ def polygon_coverage(points: Array) -> tuple[Array, int, int]:
     middle = track[:-1] + step / 2.0
     cell = np.floor(middle).astype(int)
     # Each piece lies in one texel. The area to its right: 1 - inside of this texel, and all of those that follow,
-    # which the running sum along the row carries on; the spare column takes what leaves the box.
+    # which the running sum along the row carries on; the two spare columns take what leaves the box.
     dy, inside = step[:, 1], middle[:, 0] - cell[:, 0]
     stride = x1 - x0 + 2
     at, size = cell[:, 1] * stride + cell[:, 0], (y1 - y0 + 1) * stride
     total = np.bincount(at, dy * (1.0 - inside), size) + np.bincount(at + 1, dy * inside, size)
-    covered = np.abs(np.cumsum(total.reshape(-1, stride), axis=1))[:-1, :-1]
+    covered = np.abs(np.cumsum(total.reshape(-1, stride), axis=1))[:-1, :-2]
     return np.minimum(covered, 1.0), int(x0), int(y0)
 
 
