@@ -1,38 +1,40 @@
 """Read tags: the AprilTag library finds and decodes them, registration measures their corners.
 
-The library looks at encoded values, where it separates black from white best; every corner is measured again in
-linear light (landtool.tags.refine). A small tag is looked for in an enlarged picture, a large one in a reduced one:
-what is found there is only the start of the registration.
+The library looks at a picture prepared for it (landtool.tags.looks), enlarged where tags are small and reduced where
+they are large; what is found there is only the start of the registration in the original (landtool.tags.refine).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from apriltag import apriltag
-from numpy.typing import NDArray
 
 from landtool.families import tag_family
 from landtool.geometry import Array
 from landtool.pad import PadSpec
+from landtool.tags.looks import Grey, Look, look_encoded, look_in_light
 from landtool.tags.refine import register
 from landtool.tone import Tone
 from landtool.types import Image, TagObservation
 
-Grey = NDArray[np.uint8]
-# A tag is looked for at about this many pixels a module: fewer lose reads, more only cost time.
-_SEARCH_MODULE_PX = 5.0
-_SCALES = (0.5, 1.0, 2.0, 3.0)
-_MAX_SEARCH_PIXELS = 1280 * 960
+# Where the size is known a tag is looked for at about this many pixels a module: fewer lose reads, more cost time.
+_SEARCH_MODULE_PX = 3.2
+_SMALLEST_SCALE, _LARGEST_SCALE = 0.2, 2.5
+_FRAME_SCALE = 1.5
+_MAX_SEARCH_PIXELS = 1_600_000
 # Families whose codes differ in few bits are matched by chance in any texture: they must be read without a
 # correction and look like their tag.
-_STRICT_BELOW_DISTANCE = 9
+_STRICT_BELOW_DISTANCE = 10
 _MIN_CORRELATION = 0.6
 _MIN_CORRELATION_STRICT = 0.85
 _MIN_DISTANCE = {"tag36h11": 11, "tag25h9": 9, "tag16h5": 5, "tagStandard41h12": 12, "tagCustom48h12": 12}
+# Standard deviation of AprilTag's own corners, kept when a sure tag cannot be registered.
+_UNREGISTERED_PX = 0.3
+_UNREGISTERED_MODULES = 0.1
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,8 @@ class ReaderConfig:
     """Which tags to read, and what a read must show.
 
     wanted: ids a family may have; None takes every id. tone: the curve of the pictures. max_hamming: corrected bits
-    at the most (0 to 2). min_margin: of the decoder, grey levels. threads: of the AprilTag library.
+    at the most (0 to 2). min_margin: of the decoder, grey levels of the picture it looked at. threads: of the
+    AprilTag library.
     """
 
     wanted: Mapping[str, frozenset[int] | None]
@@ -81,56 +84,80 @@ class TagReader:
             )
 
     def read_frame(self, image: Image) -> tuple[TagObservation, ...]:
-        """Search the whole picture, as it is and enlarged twice."""
+        """Search the whole picture; the second look is left out once every wanted tag was read."""
         grey = _grey(image)
-        found = self._search(grey, np.zeros(2), 1.0)
-        if grey.size <= _MAX_SEARCH_PIXELS:
-            found += self._search(grey, np.zeros(2), 2.0)
+        scale = _FRAME_SCALE if grey.size * _FRAME_SCALE**2 <= _MAX_SEARCH_PIXELS else 1.0
+        found: list[_Decoded] = []
+        for look in self._looks(grey, scale, 1.0):
+            found += self._search(look)
+            if self._complete(found):
+                break
         return self._measure(grey, found)
 
     def read_region(self, image: Image, region: Region) -> tuple[TagObservation, ...]:
-        """Search one region only, at the scale that suits the expected size of the tag."""
+        """Search one region only, at the scale that suits the expected size of the tag.
+
+        The second look is taken only when the first one shows nothing.
+        """
         cut = image[region.y0 : region.y1, region.x0 : region.x1]
         if min(cut.shape[:2]) < 8:
             return ()
         grey = _grey(cut)
-        wanted = _SEARCH_MODULE_PX / region.module_px
-        scale = next((s for s in _SCALES if s >= 0.75 * wanted), _SCALES[-1])
+        scale = min(max(_SEARCH_MODULE_PX / region.module_px, _SMALLEST_SCALE), _LARGEST_SCALE)
         scale = min(scale, max(1.0, float(np.sqrt(_MAX_SEARCH_PIXELS / grey.size))))
         origin = np.array([region.x0, region.y0], dtype=np.float64)
-        shifted = self._measure(grey, self._search(grey, np.zeros(2), scale))
-        return tuple(_moved(tag, origin) for tag in shifted)
+        for look in self._looks(grey, scale, 1.5 * scale):
+            measured = self._measure(grey, self._search(look))
+            if measured:
+                return tuple(replace(tag, corners_px=tag.corners_px + origin) for tag in measured)
+        return ()
 
-    def _search(self, grey: Grey, origin: Array, scale: float) -> list[_Decoded]:
-        if scale != 1.0:
-            size = (round(grey.shape[1] * scale), round(grey.shape[0] * scale))
-            kind = cv2.INTER_AREA if scale < 1 else cv2.INTER_CUBIC
-            grey = cv2.resize(grey, size, interpolation=kind).astype(np.uint8, copy=False)
+    def _looks(self, grey: Grey, light_scale: float, encoded_scale: float) -> Iterator[Look]:
+        yield look_in_light(grey, light_scale, self.config.tone)
+        yield look_encoded(grey, encoded_scale)
+
+    def _search(self, look: Look) -> list[_Decoded]:
         found = []
         for family, detector in self._detectors.items():
             wanted = self.config.wanted[family]
-            for raw in detector.detect(grey):
+            for raw in detector.detect(look.picture):
                 if raw["margin"] < self.config.min_margin or (wanted is not None and raw["id"] not in wanted):
                     continue
-                # the library's pixel centres lie at +0.5
-                corners = raw["lb-rb-rt-lt"][::-1] / scale - 0.5 + origin
+                corners = look.to_original(raw["lb-rb-rt-lt"][::-1])
                 found.append(_Decoded(family, raw["id"], raw["hamming"], raw["margin"], corners))
         return found
+
+    def _complete(self, found: list[_Decoded]) -> bool:
+        """Whether every wanted tag was found; never when every id is wanted."""
+        read = {(tag.family, tag.tag_id) for tag in found}
+        wanted = self.config.wanted.items()
+        return all(ids is not None and all((family, i) in read for i in ids) for family, ids in wanted)
 
     def _measure(self, grey: Grey, decoded: list[_Decoded]) -> tuple[TagObservation, ...]:
         """Register every distinct decoded tag and drop what does not look like its tag."""
         observations: list[TagObservation] = []
         for raw in sorted(decoded, key=lambda d: (d.hamming, -d.margin)):
-            if any(_same_place(raw, seen) for seen in observations):
+            if any(_same_place(raw.corners_px, seen.corners_px) for seen in observations):
                 continue
-            fit = register(grey, raw.family, raw.tag_id, raw.corners_px, self.config.tone)
-            strict = _MIN_DISTANCE[raw.family] < _STRICT_BELOW_DISTANCE
-            if fit is None or fit.correlation < (_MIN_CORRELATION_STRICT if strict else _MIN_CORRELATION):
-                continue
-            observations.append(
-                TagObservation(raw.family, raw.tag_id, raw.hamming, raw.margin, fit.corners_px, fit.covariance_px2)
-            )
+            measured = self._observe(grey, raw)
+            if measured is not None:
+                observations.append(measured)
         return tuple(sorted(observations, key=lambda o: (o.family, o.tag_id, *o.corners_px[0])))
+
+    def _observe(self, grey: Grey, raw: _Decoded) -> TagObservation | None:
+        strict = _MIN_DISTANCE[raw.family] < _STRICT_BELOW_DISTANCE
+        fit = register(grey, raw.family, raw.tag_id, raw.corners_px, self.config.tone)
+        if fit is not None:
+            if fit.correlation < (_MIN_CORRELATION_STRICT if strict else _MIN_CORRELATION):
+                return None
+            corners, covariance = fit.corners_px, fit.covariance_px2
+        elif raw.hamming == 0 and not strict:
+            # too sure a code to throw away: occluded or glaring, it is still there
+            spread = max(_UNREGISTERED_PX, _UNREGISTERED_MODULES * module_px(raw.corners_px, raw.family))
+            corners, covariance = raw.corners_px, spread**2 * np.eye(8)
+        else:
+            return None
+        return TagObservation(raw.family, raw.tag_id, raw.hamming, raw.margin, corners, covariance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,15 +175,14 @@ def _grey(image: Image) -> Grey:
     return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(np.uint8, copy=False)
 
 
-def _same_place(raw: _Decoded, seen: TagObservation) -> bool:
-    """Whether the middle of one lies inside the other."""
-    middle = raw.corners_px.mean(axis=0).tolist()
-    return cv2.pointPolygonTest(seen.corners_px.astype(np.float32), middle, False) >= 0
+def _same_place(corners_px: Array, others_px: Array) -> bool:
+    """Whether two quadrilaterals are one tag: alike in size, the middle of one inside the other.
 
-
-def _moved(tag: TagObservation, offset: Array) -> TagObservation:
-    corners = tag.corners_px + offset
-    return TagObservation(tag.family, tag.tag_id, tag.hamming, tag.margin, corners, tag.covariance_px2)
+    A tag inside another's free middle is a tag of its own.
+    """
+    middle = corners_px.mean(axis=0).tolist()
+    areas = sorted(cv2.contourArea(c.astype(np.float32)) for c in (corners_px, others_px))
+    return areas[0] > 0.3 * areas[1] and cv2.pointPolygonTest(others_px.astype(np.float32), middle, False) >= 0
 
 
 def module_px(corners_px: Array, family: str) -> float:

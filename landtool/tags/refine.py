@@ -31,7 +31,7 @@ STOP_PX = 0.03  # Gauss-Newton's next step would be far smaller
 START_BLUR_PX = 0.7
 BLUR_RANGE_PX = (0.3, 4.0)
 # Model and camera never agree exactly (demosaicing, sharpening, a bent sheet): a floor for each corner coordinate.
-FLOOR_PX = 0.004
+FLOOR_PX = 0.003
 NOISE = 2.0 / 255.0
 MODEL_ERROR = 0.02
 _PARAMETERS = 13

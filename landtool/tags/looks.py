@@ -1,0 +1,71 @@
+"""The pictures in which AprilTag looks for tags.
+
+A tag of 15 px has modules as wide as the lens blur. In encoded values its thin white parts swell and its border breaks;
+in linear light, sharpened, with white equally bright everywhere, the same library over the same picture reads all of
+them. The encoded picture stays the second look: it is the better one where the tag itself is dark or low in contrast.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from landtool.geometry import Array
+from landtool.tone import Tone, linear_lut
+
+Grey = NDArray[np.uint8]
+Light = NDArray[np.float32]
+_TILE_PX = 16  # white is the brightest tile nearby
+_DARKEST_WHITE = 0.05
+_SHARPENING, _SHARPENING_SIGMA_PX = 1.0, 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """A picture for AprilTag. scale_xy: its pixels for one of the original."""
+
+    picture: Grey
+    scale_xy: Array
+
+    def to_original(self, corners_apriltag_px: Array) -> Array:
+        """Take places (N, 2), pixel centres at +0.5 as the library has them, to the original's pixels."""
+        # the library's frame begins at the picture's corner, as scaling does; OpenCV's begins half a pixel later
+        original: Array = corners_apriltag_px / self.scale_xy - 0.5
+        return original
+
+
+def look_encoded(grey: Grey, scale: float) -> Look:
+    """Return the picture (H, W) as it is, scaled."""
+    return _scaled(grey, scale)
+
+
+def look_in_light(grey: Grey, scale: float, tone: Tone) -> Look:
+    """Return the picture (H, W) in linear light, evenly lit, sharpened unless it is reduced, and scaled."""
+    light = np.asarray(cv2.LUT(grey, linear_lut(tone)), dtype=np.float32)
+    light = cv2.divide(light, _white(light))
+    if scale >= 1.0:
+        blurred = cv2.GaussianBlur(light, (0, 0), _SHARPENING_SIGMA_PX)
+        light = cv2.addWeighted(light, 1.0 + _SHARPENING, blurred, -_SHARPENING, 0.0)
+    look = _scaled(light, scale)
+    return Look(np.asarray(cv2.convertScaleAbs(cv2.max(look.picture, 0.0), alpha=255.0), np.uint8), look.scale_xy)
+
+
+def _white(light: Light) -> Light:
+    """Return the brightness (H, W) of the brightest tile around each pixel."""
+    height, width = light.shape
+    tiles = (max(width // _TILE_PX, 1), max(height // _TILE_PX, 1))
+    white = cv2.resize(light, tiles, interpolation=cv2.INTER_AREA)
+    white = cv2.GaussianBlur(cv2.dilate(white, np.ones((5, 5), np.uint8)), (0, 0), 2.0)
+    return np.asarray(cv2.resize(cv2.max(white, _DARKEST_WHITE), (width, height), interpolation=cv2.INTER_LINEAR))
+
+
+def _scaled(picture: NDArray, scale: float) -> Look:
+    height, width = picture.shape
+    size = max(round(width * scale), 1), max(round(height * scale), 1)
+    if size != (width, height):
+        kind = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
+        picture = cv2.resize(picture, size, interpolation=kind)
+    return Look(picture, np.array([size[0] / width, size[1] / height]))
