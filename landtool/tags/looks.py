@@ -36,6 +36,11 @@ class Look:
         original: Array = corners_apriltag_px / self.scale_xy - 0.5
         return original
 
+    def holds(self, corners_px: Array) -> bool:
+        """Whether places (N, 2) of the original lie in the picture, a quarter of a pixel beyond its rim at most."""
+        size = np.array(self.picture.shape[::-1]) / self.scale_xy
+        return bool((corners_px > -0.75).all() and (corners_px < size - 0.25).all())
+
 
 def look_encoded(grey: Grey, scale: float) -> Look:
     """Return the picture (H, W) as it is, scaled."""
@@ -45,27 +50,27 @@ def look_encoded(grey: Grey, scale: float) -> Look:
 def look_in_light(grey: Grey, scale: float, tone: Tone) -> Look:
     """Return the picture (H, W) in linear light, evenly lit, sharpened unless it is reduced, and scaled."""
     light = np.asarray(cv2.LUT(grey, linear_lut(tone)), dtype=np.float32)
-    light = cv2.divide(light, _white(light))
+    even = cv2.min(cv2.divide(light, _white(light)), 1.0)  # type: ignore[call-overload]
     if scale >= 1.0:
-        blurred = cv2.GaussianBlur(light, (0, 0), _SHARPENING_SIGMA_PX)
-        light = cv2.addWeighted(light, 1.0 + _SHARPENING, blurred, -_SHARPENING, 0.0)
-    look = _scaled(light, scale)
-    return Look(np.asarray(cv2.convertScaleAbs(cv2.max(look.picture, 0.0), alpha=255.0), np.uint8), look.scale_xy)
+        blurred = cv2.GaussianBlur(even, (0, 0), _SHARPENING_SIGMA_PX)
+        even = cv2.max(cv2.addWeighted(even, 1.0 + _SHARPENING, blurred, -_SHARPENING, 0.0), 0.0)
+    return _scaled(np.asarray(cv2.convertScaleAbs(even, alpha=255.0), dtype=np.uint8), scale)
 
 
 def _white(light: Light) -> Light:
     """Return the brightness (H, W) of the brightest tile around each pixel."""
     height, width = light.shape
     tiles = (max(width // _TILE_PX, 1), max(height // _TILE_PX, 1))
-    white = cv2.resize(light, tiles, interpolation=cv2.INTER_AREA)
-    white = cv2.GaussianBlur(cv2.dilate(white, np.ones((5, 5), np.uint8)), (0, 0), 2.0)
-    return np.asarray(cv2.resize(cv2.max(white, _DARKEST_WHITE), (width, height), interpolation=cv2.INTER_LINEAR))
+    white = np.asarray(cv2.resize(light, tiles, interpolation=cv2.INTER_AREA))
+    white = np.asarray(cv2.GaussianBlur(cv2.dilate(white, np.ones((5, 5), np.uint8)), (0, 0), 2.0))
+    white = np.asarray(cv2.resize(white, (width, height), interpolation=cv2.INTER_LINEAR))
+    return np.maximum(white, _DARKEST_WHITE, dtype=np.float32)
 
 
-def _scaled(picture: NDArray, scale: float) -> Look:
-    height, width = picture.shape
+def _scaled(grey: Grey, scale: float) -> Look:
+    height, width = grey.shape
     size = max(round(width * scale), 1), max(round(height * scale), 1)
     if size != (width, height):
         kind = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
-        picture = cv2.resize(picture, size, interpolation=kind)
-    return Look(picture, np.array([size[0] / width, size[1] / height]))
+        grey = np.asarray(cv2.resize(grey, size, interpolation=kind), dtype=np.uint8)
+    return Look(grey, np.array([size[0] / width, size[1] / height]))

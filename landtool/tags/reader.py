@@ -29,7 +29,7 @@ _MAX_SEARCH_PIXELS = 1_600_000
 # Families whose codes differ in few bits are matched by chance in any texture: they must be read without a
 # correction and look like their tag.
 _STRICT_BELOW_DISTANCE = 10
-_MIN_CORRELATION = 0.6
+_MIN_CORRELATION = 0.7
 _MIN_CORRELATION_STRICT = 0.85
 _MIN_DISTANCE = {"tag36h11": 11, "tag25h9": 9, "tag16h5": 5, "tagStandard41h12": 12, "tagCustom48h12": 12}
 # Standard deviation of AprilTag's own corners, kept when a sure tag cannot be registered.
@@ -124,6 +124,8 @@ class TagReader:
                 if raw["margin"] < self.config.min_margin or (wanted is not None and raw["id"] not in wanted):
                     continue
                 corners = look.to_original(raw["lb-rb-rt-lt"][::-1])
+                if not look.holds(corners):
+                    continue  # cut off by the rim: the library makes the rest up
                 found.append(_Decoded(family, raw["id"], raw["hamming"], raw["margin"], corners))
         return found
 
