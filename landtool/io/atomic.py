@@ -29,6 +29,7 @@ _HINTS = {
     errno.ENOTDIR: "a part of the path is a file; choose another -o",
     errno.EEXIST: "a part of the path is a file; choose another -o",
     errno.ENAMETOOLONG: "choose a shorter name",
+    errno.ELOOP: "a part of the path is a link to itself; choose another -o",
 }
 # Only a write fails with these, so they need no file name to tell whose error it is
 _ONLY_WRITES = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS}
@@ -63,7 +64,7 @@ def atomic_folder(path: Path, *, overwrite: bool = False, mark: str = "run.json"
     Raises OutputExistsError when `path` is taken and `overwrite` is false, UsageError when it is a file, the current
     folder or holds files landtool did not write, OutputError when it cannot be written.
     """
-    target = path.resolve()  # a link to a folder stays a link
+    target = _real(path)  # a link to a folder stays a link
     _refuse_folder(path, target, overwrite, mark)
     with _output_errors(path), _reserved(target, Path.mkdir) as temporary:
         yield temporary
@@ -75,9 +76,9 @@ def atomic_folder(path: Path, *, overwrite: bool = False, mark: str = "run.json"
 
 def refuse_input_as_output(inputs: Iterable[Path], output: Path) -> None:
     """Raise UsageError when `output` is one of the inputs, holds one or lies in one; links are followed."""
-    place = output.resolve()
+    place = _real(output)
     for item in inputs:
-        source = item.resolve()
+        source = _real(item)
         same = source == place or (output.exists() and item.exists() and item.samefile(output))
         if same:
             raise UsageError("is the input itself, which is never changed", file=output, hint="choose another -o")
@@ -97,8 +98,8 @@ def _output_errors(path: Path) -> Iterator[None]:
         inside = [i for i, part in enumerate(parts) if part.startswith(TEMPORARY_PREFIX)]
         if not inside:
             raise
-        # a file of a folder being made: name it as it would have been called
-        raise OutputError(error.reason, file=path.joinpath(*parts[inside[0] + 1 :]), hint=error.hint) from error
+        # name what was being made, this file or one of this folder, as it would have been called
+        raise OutputError(error.reason, file=path.joinpath(*parts[inside[-1] + 1 :]), hint=error.hint) from error
     except OSError as error:
         folder = os.path.realpath(path.parent)
         named = isinstance(error.filename, str | os.PathLike) and _is_ours(str(error.filename), folder)
@@ -106,6 +107,11 @@ def _output_errors(path: Path) -> Iterator[None]:
             raise
         reason = f"cannot be written: {error.strerror or error}"
         raise OutputError(reason, file=path, hint=_HINTS.get(error.errno or 0, "choose another -o")) from error
+
+
+def _real(path: Path) -> Path:
+    """Follow links; unlike Path.resolve without failing on one that leads to itself."""
+    return Path(os.path.realpath(path))
 
 
 def _is_ours(name: str, folder: str) -> bool:

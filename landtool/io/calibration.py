@@ -14,6 +14,7 @@ import yaml
 from landtool.camera import Camera, DistortionModel
 from landtool.errors import InputError, LandtoolError, UsageError
 from landtool.io.atomic import atomic_path
+from landtool.io.camera_check import refuse_impossible
 
 _MAX_BYTES = 1_000_000  # a calibration is a page of text; a video given by mistake must not be read whole
 _HINT = "give a ROS camera_info YAML, a Kalibr camchain or an OpenCV calibration"
@@ -77,8 +78,10 @@ def match_camera(camera: Camera, width: int, height: int, *, scale: bool) -> Cam
 
     With `scale` a camera of another size is scaled, when the shapes agree within 1 %.
 
-    Raises InputError when the sizes differ and scaling was not asked for, or the shapes differ.
+    Raises InputError when the sizes differ and scaling was not asked for, the shapes differ, or no lens can be as the
+    calibration says.
     """
+    refuse_impossible(camera)
     if (camera.width, camera.height) == (width, height):
         return camera
     sizes = f"the calibration is for {camera.width}x{camera.height}, the images are {width}x{height}"

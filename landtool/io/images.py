@@ -21,6 +21,7 @@ from landtool.io.source import SourceInfo, SourceReport
 from landtool.types import Frame, Image, LostFrame
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".webp", ".tif", ".tiff")
+RECORDING_SUFFIXES = (".mcap", ".mp4", ".mov", ".mkv", ".webm", ".avi", ".ts")
 FORMATS = ("PNG", "JPEG", "BMP", "WEBP", "TIFF")  # Pillow reads many more, some through other programs
 MAX_PIXELS = 80_000_000  # 240 MB as BGR; a file of a few kB can claim far more
 NS = 1_000_000_000
@@ -115,6 +116,7 @@ class ImageFolderSource:
             frames_declared=len(self.files),
             duration_ns=None if self.fps is None else round(len(self.files) * NS / self.fps),
             encoding=picture.encoding,
+            time_base=None if self.fps is None else 1 / self.fps,
             rotation_deg=picture.rotation_deg,
             notes=tuple(self._notes),
         )
@@ -198,6 +200,8 @@ def _image_files(folder: Path) -> tuple[list[Path], int]:
         raise InputError(f"cannot be read ({error.strerror})", file=folder, hint="check its permissions") from None
     files = [entry for entry in entries if entry.suffix.lower() in SUFFIXES and entry.is_file()]
     if not files:
+        recording = next((e for e in sorted(entries) if e.suffix.lower() in RECORDING_SUFFIXES and e.is_file()), None)
         hint = f"give a folder that holds images itself ({', '.join(SUFFIXES)})"
+        hint = f"give the recording in it: {recording}" if recording else hint
         raise InputError("holds no images" if entries else "is an empty folder", file=folder, hint=hint)
     return sorted(files, key=lambda file: natural_key(file.name)), len(entries) - len(files)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
 import math
-import stat
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -14,6 +12,7 @@ from typing import Literal, NamedTuple, Protocol
 
 from landtool.camera import Camera
 from landtool.errors import InputError, UsageError
+from landtool.io.local import local_path
 from landtool.types import Frame, LostFrame
 
 SourceKind = Literal["video", "images", "mcap"]
@@ -29,10 +28,10 @@ class SourceInfo:
     """What is known of a source before its frames are read.
 
     width, height: pixels of the first picture as it is given out, rotation applied. has_clock: frames carry t_ns.
-    frames_declared: what the container says, which may be wrong; None when it says nothing. time_base: seconds a tick
-    (video only). rotation_deg: the turn already applied to the pictures, degrees clockwise, a multiple of 90; the
-    camera's intrinsics need the same, `quarter_turns`. encoding: codec or message encoding. camera: what an MCAP
-    itself carries. notes: anything the user should hear about, one sentence each.
+    frames_declared: what the container says, which may be wrong; None when it says nothing. time_base: seconds a tick,
+    None for a clock in nanoseconds (MCAP) or none. rotation_deg: the turn already applied to the pictures, degrees
+    clockwise, a multiple of 90; the camera's intrinsics need the same, `quarter_turns`. encoding: codec or message
+    encoding. camera: what an MCAP itself carries. notes: anything the user should hear about, one sentence each.
     """
 
     path: Path
@@ -120,7 +119,7 @@ def open_source(path: Path | str, *, topic: str | None = None, fps: Fraction | f
     Raises UsageError for what is no plain local file or folder and for an option the kind does not take,
     InputError for content that cannot be read.
     """
-    path = _local(path)
+    path = local_path(path)
     head = b"" if path.is_dir() else _head(path)
     kind = next(kind for kind in KINDS if kind.recognises(path, head))
     if topic is not None and kind.name != "mcap":
@@ -129,7 +128,8 @@ def open_source(path: Path | str, *, topic: str | None = None, fps: Fraction | f
         raise UsageError("has its own clock", file=path, hint="leave out --fps, it is for folders of images")
     if fps is not None and not 0 < fps < math.inf:
         raise UsageError(f"cannot have {fps} pictures a second", file=path, hint="give --fps above 0")
-    return kind.open(path, topic, None if fps is None else Fraction(fps))
+    # by its text: 29.97 is 2997/100, not the binary fraction next to it
+    return kind.open(path, topic, None if fps is None else Fraction(str(fps)))
 
 
 def _open_images(path: Path, _topic: str | None, fps: Fraction | None) -> Source:
@@ -170,34 +170,6 @@ KINDS: tuple[Kind, ...] = (
     Kind("mcap", lambda _path, head: head.startswith(MCAP_MAGIC), _open_mcap),
     Kind("video", lambda _path, _head: True, _open_video),
 )
-
-
-def _local(path: Path | str) -> Path:
-    """Return the path of an existing plain file or folder, or raise UsageError."""
-    text = str(path)
-    # pathlib folds "//", so a URL that went through Path still shows as "scheme:/host".
-    scheme, colon, rest = text.partition(":")
-    local = Path(path)
-    if colon and scheme.isidentifier() and len(scheme) > 1 and (rest.startswith("/") or not local.exists()):
-        raise UsageError("is no local file", file=text, hint="download the recording first and give its path")
-    try:
-        mode = local.stat().st_mode
-    except FileNotFoundError:
-        raise UsageError("does not exist", file=text, hint=_nearest(local)) from None
-    except (OSError, ValueError) as error:
-        raise UsageError(f"cannot be opened ({error})", file=text, hint="check the path and its permissions") from None
-    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
-        raise UsageError("is no plain file or folder", file=text, hint="save the recording to a file first")
-    return local
-
-
-def _nearest(path: Path) -> str:
-    folder = path.parent
-    if not folder.is_dir():
-        return f"there is no folder {folder}"
-    names = [entry.name for entry in folder.iterdir()]
-    close = difflib.get_close_matches(path.name, names, n=1, cutoff=0.5)
-    return f"did you mean {folder / close[0]}?" if close else f"check the names in {folder}"
 
 
 def _head(path: Path) -> bytes:

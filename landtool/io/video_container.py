@@ -42,6 +42,9 @@ def _unreadable(path: Path, error: Exception) -> InputError:
     if head[4:8] in (b"ftyp", b"mdat", b"wide", b"free", b"moov") and not has_box(path, b"moov"):
         hint = "repair it with the camera's own tool, and record fragmented MP4 or MKV, which survive a power cut"
         return InputError("has no index (moov box), its recording was never finished", file=path, hint=hint)
+    if head.startswith((b"#ROSBAG V", b"SQLite format 3\0")):
+        kind = "a ROS 1 bag" if head.startswith(b"#") else "an SQLite file, perhaps a ROS 2 bag"
+        return InputError(f"is {kind}, not an MCAP log", file=path, hint="convert it: mcap convert IN OUT.mcap")
     if isinstance(error, av.error.ArgumentError):  # the whitelist refused what FFmpeg would have read
         hint = "re-mux it with its frame rate into MP4 or MKV"
         return InputError("is a bare stream without times, or a format that is not read", file=path, hint=hint)

@@ -1,0 +1,56 @@
+"""What a path on the command line or in a settings file must be: something plain, on this machine, that is there."""
+
+from __future__ import annotations
+
+import difflib
+import stat
+from pathlib import Path
+
+from landtool.errors import UsageError
+
+
+def local_path(path: Path | str) -> Path:
+    """Return the path of an existing plain file or folder.
+
+    Raises UsageError for a URL, for what is not there, naming the nearest name that is, and for pipes and devices,
+    which can be read once only or never end.
+    """
+    text = str(path)
+    local = Path(path)
+    scheme, colon, rest = text.partition(":")
+    if colon and scheme.isidentifier() and len(scheme) > 1 and (rest.startswith("/") or not local.exists()):
+        # pathlib folds "//", so a URL that went through Path still shows as "scheme:/host"
+        url = f"{scheme}:/{rest}" if rest.startswith("/") and not rest.startswith("//") else text
+        raise UsageError("is no local file", file=url, hint="download the recording first and give its path")
+    try:
+        mode = local.stat().st_mode
+    except FileNotFoundError:
+        reason = "is a link to nothing" if local.is_symlink() else "does not exist"
+        raise UsageError(reason, file=text, hint=nearest(local)) from None
+    except (OSError, ValueError) as error:
+        said = getattr(error, "strerror", None) or error
+        raise UsageError(f"cannot be opened ({said})", file=text, hint="check the path and its permissions") from None
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise UsageError("is no plain file or folder", file=text, hint="save what it gives to a file first")
+    return local
+
+
+def local_file(path: Path | str) -> Path:
+    """Return the path of an existing plain file. Raises UsageError as `local_path` does, and for a folder."""
+    local = local_path(path)
+    if local.is_dir():
+        raise UsageError("is a folder", file=path, hint="give the file itself")
+    return local
+
+
+def nearest(path: Path) -> str:
+    """Return a hint for a path that is not there: the most similar name beside it, else where to look."""
+    folder = path.parent
+    if not folder.is_dir():
+        return f"there is no folder {folder}"
+    try:
+        names = [entry.name for entry in folder.iterdir() if entry.name != path.name]
+    except OSError:
+        return f"check the permissions of {folder}"
+    close = difflib.get_close_matches(path.name, names, n=1, cutoff=0.5)
+    return f"did you mean {folder / close[0]}?" if close else f"check the names in {folder}"
