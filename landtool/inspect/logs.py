@@ -78,7 +78,7 @@ def _advice(path: Path, request: Request, log: Log, error: LandtoolError) -> Tra
     if len(images) < 2:
         return TrackAdvice("", obstacle=f"{error.reason}; {error.hint}")
     others = " or ".join(f"--topic {shlex.quote(topic.name)}" for topic in images[1:])
-    needs = [Need(f"--topic {shlex.quote(images[0].name)}", f"there are {len(images)} image topics, or {others}")]
+    needs = [Need(f"--topic {shlex.quote(images[0].name)}", f"one of {len(images)} image topics, else {others}")]
     if not (request.camera or request.hfov_deg or images[0].calibration):
         needs.append(camera_need(f"no calibration topic belongs to {images[0].name}"))
     return TrackAdvice(track_command(path, given_options(request), needs), tuple(needs), ego_choices(log))

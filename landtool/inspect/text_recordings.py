@@ -25,7 +25,6 @@ def recording_lines(it: Recording) -> Iterator[Line]:
         yield from _log(it.log)
     if it.width_px is not None:
         yield "pictures", _pictures(it)
-    if it.width_px is not None or it.frames_found:
         yield "frames", _frames(it)
     if it.scan:
         yield from _scan(it.scan, it.clock)

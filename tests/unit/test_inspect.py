@@ -340,7 +340,7 @@ def test_two_image_topics_need_a_choice(tmp_path: Path) -> None:
     facts = inspect(path, Request())
     assert not facts.damaged
     assert options(facts) == ["--topic /a/image", "--camera CAM.yaml"]
-    assert facts.track.needs[0].why == "there are 2 image topics, or --topic /b/image"
+    assert facts.track.needs[0].why == "one of 2 image topics, else --topic /b/image"
     assert facts.track.command == f"landtool track {path} --topic /a/image --camera CAM.yaml"
     log = recording(facts).log
     assert log is not None
