@@ -136,6 +136,11 @@ class Pose:
         points: Array = np.asarray(points_m, dtype=np.float64) @ self.rotation.T + self.translation
         return points
 
+    def perturbed(self, step: ArrayLike) -> Pose:
+        """Return the pose moved by a left perturbation (dt, dw) (6,): t + dt in m, exp(dw) R in rad, in frame a."""
+        d = np.asarray(step, dtype=np.float64)
+        return Pose(rotation_from_rotvec(d[3:]) @ self.rotation, self.translation + d[:3])
+
     def angle_to(self, other: Pose) -> float:
         """Return the angle in radians between this rotation and another's."""
         return rotation_angle(self.rotation.T @ other.rotation)

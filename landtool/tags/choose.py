@@ -2,16 +2,16 @@
 
 The two are mirror images about the line of sight, and far away nothing in one picture tells them apart. Over time
 something does: the true one turns as the drone and the platform can turn, fits the corners a little better on
-average, has the ring and the H where they are seen, and does not tip the platform over. This is the forward pass of a hidden Markov model with two states, in
+average, and does not tip the platform over. This is the forward pass of a hidden Markov model with two states, in
 negative log likelihoods (Viterbi, 1967):
 
-    cost_t(i) = fit_t(i) + edges_t(i) + prior_t(i) + min_j [ cost_t-1(j) + turn(i, j) ]
+    cost_t(i) = fit_t(i) + prior_t(i) + min_j [ cost_t-1(j) + turn(i, j) ]
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,12 +21,8 @@ from landtool.tags.pose import Solution
 
 # Corner errors repeat from frame to frame, so a frame is worth less than its chi-square says, and never everything.
 _FIT_WORTH = 0.5
-_MOST_FIT = 8.0
+_MOST_FIT = 12.0
 _MOST_COST = 40.0
-# An edge of ring or H is found to about this, and all of them together are worth so many independent ones.
-EDGE_SIGMA_PX = 0.3
-_EDGE_WORTH = 12.0
-_MOST_EDGES = 20.0
 # Where the drone's own attitude is not known its rotation counts as the pad's: rad/s, one sigma.
 _TURN_RATE_BODY_RADPS = 1.0
 _TURN_RATE_WORLD_RADPS = 0.3
@@ -57,44 +53,26 @@ class SolutionChooser:
         self._last_ns: int | None = None
         self._in_world = False
 
-    def choose(
-        self,
-        solutions: Sequence[Solution],
-        t_ns: int | None,
-        world_T_body: Pose | None,
-        misfit_px2: Callable[[Pose], float | None],
-    ) -> int:
+    def choose(self, solutions: Sequence[Solution], t_ns: int | None, world_T_body: Pose | None) -> int:
         """Return the index of the solution to believe; `solutions` holds one or two, the better fit first.
 
-        misfit_px2: how far the edges around the tag are from where a pose has them (landtool.tags.outline), None
-        where nothing is seen of them; asked only while the choice is open. t_ns: the frame's time; without a clock nothing is known of the past and the frame stands alone.
+        t_ns: the frame's time; without a clock nothing is known of the past and the frame stands alone.
         world_T_body: the drone's attitude, where it is known.
         """
         reference_T_camera = (world_T_body or Pose.identity()) @ self._body_T_camera
         dt_s = self._elapsed(t_ns, world_T_body is not None)
         best_fit = solutions[0].chi2
-        misfits = self._misfits(solutions, misfit_px2)
         now = []
-        for solution, misfit in zip(solutions, misfits, strict=True):
+        for solution in solutions:
             rotation = reference_T_camera.rotation @ solution.camera_T_pad.rotation
             spread = reference_T_camera.rotation @ solution.covariance[3:, 3:] @ reference_T_camera.rotation.T
             fit = min(0.5 * _FIT_WORTH * (solution.chi2 - best_fit), _MOST_FIT)
-            edges = min(0.5 * _EDGE_WORTH * misfit / EDGE_SIGMA_PX**2, _MOST_EDGES)
-            past = self._past_cost(rotation, spread, dt_s)
-            cost = fit + edges + self._tilt_cost(rotation, spread, dt_s) + past
+            cost = fit + self._tilt_cost(rotation, spread, dt_s) + self._past_cost(rotation, spread, dt_s)
             now.append(_Hypothesis(cost, rotation, spread))
         least = min(h.cost for h in now)
         self._last = tuple(_Hypothesis(min(h.cost - least, _MOST_COST), h.reference_R_pad, h.spread) for h in now)
         self._last_ns = t_ns
         return min(range(len(now)), key=lambda i: now[i].cost)
-
-    def _misfits(self, solutions: Sequence[Solution], misfit_px2: Callable[[Pose], float | None]) -> list[float]:
-        """Return each solution's misfit above the least; zeros where it is not needed or not known."""
-        if len(solutions) < 2:
-            return [0.0]
-        found = [misfit_px2(solution.camera_T_pad) for solution in solutions]
-        known = [value for value in found if value is not None]
-        return [value - min(known) for value in known] if len(known) == len(found) else [0.0] * len(found)
 
     def reset(self) -> None:
         """Forget the past, as when the track is lost."""

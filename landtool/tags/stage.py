@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -11,11 +11,14 @@ from landtool.camera import Camera
 from landtool.geometry import Pose
 from landtool.pad import PadSpec
 from landtool.tags.choose import SolutionChooser
-from landtool.tags.outline import outline_misfit
-from landtool.tags.pose import Solution, pad_solutions
+from landtool.tags.pose import Corners, Solution, pad_corners, pad_solutions
 from landtool.tags.reader import TagReader
 from landtool.tags.search import TagSearch
-from landtool.types import Frame, PadPose, Search, TagObservation
+from landtool.target.refine import refine_on_edges
+from landtool.types import Frame, Image, PadPose, Search, TagObservation
+
+# Below this the tags alone give the orientation well enough, and the edges cost more time than they are worth
+_CLEAR_RAD = np.radians(0.15)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +64,30 @@ class TagStage:
             return None, "no tag read"
         if (width, height) != (self._camera.width, self._camera.height):
             return None, f"picture of {width}x{height}, calibration for {self._camera.width}x{self._camera.height}"
-        solutions = pad_solutions(tags, self._camera, self._pad)
-        if not solutions:
+        corners = pad_corners(tags, self._camera, self._pad)
+        if corners is None:
             return None, "no tag of the pad read"
-        misfit = partial(outline_misfit, frame.image, self._camera, pad=self._pad)
-        chosen = self._chooser.choose(solutions, frame.t_ns, world_T_body, misfit)
+        solutions = self._refined(frame.image, corners, pad_solutions(corners))
+        if not solutions:
+            return None, "no pose explains the tag's corners"
+        chosen = self._chooser.choose(solutions, frame.t_ns, world_T_body)
         reason = "kept the solution the past supports, its mirror image fits better" if chosen else ""
         return _pad_pose(solutions, chosen), reason
+
+    def _refined(self, image: Image, corners: Corners, solutions: Sequence[Solution]) -> tuple[Solution, ...]:
+        """Let the large edges decide where the tags leave the orientation open; without them both remain."""
+        if not any(_is_open(solution) for solution in solutions):
+            return tuple(solutions)
+        # from either of the two the edges lead to the one true pose, so the second is tried only if the first fails
+        for solution in solutions:
+            refined = refine_on_edges(image, corners, solution, self._pad, self._reader.config.tone)
+            if refined is not None:
+                return (refined,)
+        return tuple(solutions)
+
+
+def _is_open(solution: Solution) -> bool:
+    return bool(np.trace(solution.covariance[3:, 3:]) / 3.0 > _CLEAR_RAD**2)
 
 
 def _pad_pose(solutions: tuple[Solution, ...], chosen: int) -> PadPose:

@@ -1,0 +1,1 @@
+"""The printed target around its tags: its large edges as measurements of the pose."""

@@ -1,0 +1,69 @@
+"""A pose refined on the pad's large edges together with the corners of its tags.
+
+Corners and edges are independent measurements of one pose T, each edge an offset o_i along its normal n_i:
+
+    minimise  r(T)^T W r(T) + sum_i rho( o_i(T)^2 / s^2 )
+
+by Gauss-Newton, with the edges measured anew at every step. rho is Huber's, s the spread of the edges themselves.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from landtool.camera import Camera
+from landtool.geometry import Array, Pose
+from landtool.pad import PadSpec
+from landtool.tags.pose import Corners, Solution
+from landtool.target.edges import Edges, measure_edges
+from landtool.tone import Tone
+from landtool.types import Image
+
+_ROUNDS = 6
+_STOP_RAD = 2e-3
+_LEAST_SHARE = 0.4  # of the edges in the picture; with fewer something covers the pad, or it is another
+_LEAST_SIGMA_PX = 0.08  # an edge is never known better: paper and print are not exact
+_HUBER = 2.0
+_MOST_CHI2 = 4.0  # a corner or edge; well above what noise gives
+
+
+def refine_on_edges(image: Image, corners: Corners, start: Solution, pad: PadSpec, tone: Tone) -> Solution | None:
+    """Return a tag's solution refined on the edges, with chi2 over corners and edges.
+
+    None when too few edges are seen, or the pose that fits them best does not explain them.
+    image: (H, W, 3) BGR uint8.
+    """
+    solution = start
+    for _ in range(_ROUNDS):
+        edges = measure_edges(image, corners.camera, solution.camera_T_pad, pad, tone)
+        if edges is None or edges.share < _LEAST_SHARE:
+            return None
+        step, solution = _step(corners, edges, solution)
+        if np.abs(step[3:]).max() < _STOP_RAD:
+            return solution if solution.chi2 < _MOST_CHI2 * (len(edges.offsets_px) + len(corners.flat)) else None
+    return None
+
+
+def _step(corners: Corners, edges: Edges, now: Solution) -> tuple[Array, Solution]:
+    """One Gauss-Newton step; its chi2 is that of the pose it starts from."""
+    pose, offsets = now.camera_T_pad, edges.offsets_px
+    jacobian = _jacobian(corners.camera, pose, edges)
+    # the edges' own scatter, what no pose explains, so that a wrong pose does not excuse itself
+    scatter = offsets - jacobian @ np.linalg.lstsq(jacobian, offsets, rcond=None)[0]
+    sigma = max(1.4826 * float(np.median(np.abs(scatter))), _LEAST_SIGMA_PX)
+    weight = np.minimum(1.0, _HUBER * sigma / np.maximum(np.abs(offsets), 1e-9)) / sigma**2
+    normal, gradient, chi2 = corners.terms(pose)
+    normal = normal + jacobian.T @ (jacobian * weight[:, None])
+    step = np.asarray(np.linalg.solve(normal, gradient + jacobian.T @ (weight * offsets)))
+    moved, covariance = pose.perturbed(step), np.asarray(np.linalg.inv(normal))
+    return step, Solution(moved, covariance, chi2 + float(weight @ offsets**2), corners.reproj_px(moved))
+
+
+def _jacobian(camera: Camera, pose: Pose, edges: Edges) -> Array:
+    """Derivative (N, 6) of the edges' places along their normals by (dt, dw), in pixels."""
+    step = 1e-5
+    moves = np.diag(np.repeat([step * pose.translation[2], step], 3))
+    points = np.concatenate([pose.perturbed(move).apply(edges.points_m) for move in (np.zeros(6), *moves)])
+    pixels = camera.project(points).reshape(7, -1, 2)
+    change = (pixels[1:] - pixels[0]) / np.diag(moves)[:, None, None]
+    return np.asarray(np.einsum("kni,ni->nk", change, edges.normals))
