@@ -27,7 +27,7 @@ Box = tuple[int, int, int, int]
 
 # samples a pixel: few enough to be quick where the pad is large, enough for its edges where it is small
 _FIBONACCI = (1, 2, 3, 5, 8, 13, 21, 34, 55, 89, 144, 233, 377)
-_SAMPLES_LARGE, _SAMPLES_SMALL, _SMALL_PX = 34, 89, 160
+_SAMPLES_LARGE, _SAMPLES_SMALL, _SMALL_PX = 55, 89, 160
 # at once: what the processor keeps near; a row of cv2.remap ends before 32767
 _CHUNK_SAMPLES, _CHUNK_PIXELS = 1 << 16, 1 << 14
 

@@ -61,7 +61,7 @@ def test_it_agrees_with_brute_force(name: str, size_px: int, rotvec: tuple[float
             camera, camera_T_pad, PAD, (x - half, y - half, x + half, y + half)
         )
         assert np.abs(error).mean() < 0.002
-        assert np.abs(error).max() < 0.04
+        assert np.abs(error).max() < 0.03
         assert abs(error.mean()) < 3e-4
 
 
@@ -90,17 +90,18 @@ def left_edges(image: Linear, rows: slice, middle: int) -> Array:
 
 
 @pytest.mark.parametrize("size_px", [8.3, 23.7, 61.1, 117.0, 233.0, 401.0])
-@pytest.mark.parametrize("yaw", [0.0, 0.02, 0.3])
+@pytest.mark.parametrize("yaw", [0.0, 0.02, 0.3, 0.55])
 def test_edges_are_never_displaced(size_px: float, yaw: float) -> None:
     z = 1.1 * PINHOLE.fx / size_px
     errors = []
-    for phase in np.linspace(0.0, 1.0, 11):
+    for phase in np.linspace(0.0, 1.0, 7):
         camera_T_pad = looking_down(z, phase * z / PINHOLE.fx, 0.3 * z / PINHOLE.fx, (0.0, 0.0, yaw))
         image = render_pad(PINHOLE, camera_T_pad, SQUARE)
         # the left edge is y = +0.55 in the pad frame; its line, at the centres of the rows well inside it
         ends = PINHOLE.project(camera_T_pad.apply([[0.55, 0.55, 0.0], [-0.55, 0.55, 0.0]]))
         low, high = sorted(ends[:, 1])
-        margin = 1.5 + 0.6 * size_px * abs(np.sin(yaw))
+        # less the rows that the top edge cuts left of the middle
+        margin = 1.5 + 0.5 * size_px * (np.cos(yaw) + np.sin(yaw) - 1.0 / np.cos(yaw))
         rows = np.arange(int(np.ceil(low + margin)), int(np.floor(high - margin)) + 1)
         slope = (ends[1, 0] - ends[0, 0]) / (ends[1, 1] - ends[0, 1])
         truth = ends[0, 0] + slope * (rows - ends[0, 1])
