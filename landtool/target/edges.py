@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
 
 from landtool.camera import Camera
@@ -71,14 +70,14 @@ def measure_edges(image: Image, camera: Camera, camera_T_pad: Pose, pad: PadSpec
 
 
 def _profiles(image: Image, places: Array, normals: Array, distance: Array, tone: Tone) -> Array:
-    """Sample linear light (N, S) at distances (S,) along normals (N, 2) through places (N, 2)."""
-    grid = places[:, None, :] + distance[:, None] * normals[:, None, :]
-    x0, y0 = np.floor(grid.min(axis=(0, 1))).astype(int)
-    x1, y1 = np.ceil(grid.max(axis=(0, 1))).astype(int) + 1
-    green = linear_lut(tone)[image[y0:y1, x0:x1, 1]]
-    u, v = np.moveaxis((grid - (x0, y0)).astype(np.float32), 2, 0)
-    found = cv2.remap(green, np.ascontiguousarray(u), np.ascontiguousarray(v), cv2.INTER_LINEAR)
-    return np.asarray(found, dtype=np.float64)
+    """Sample linear light (N, S) of the green channel at distances (S,) along normals (N, 2) through places (N, 2)."""
+    u, v = (places[:, None, :] + distance[:, None] * normals[:, None, :]).transpose(2, 0, 1)
+    column, row = u.astype(np.int64), v.astype(np.int64)  # inside the picture, so never below zero
+    right, down = u - column, v - row
+    green, light = image[:, :, 1], linear_lut(tone)
+    upper = (1.0 - right) * light[green[row, column]] + right * light[green[row, column + 1]]
+    lower = (1.0 - right) * light[green[row + 1, column]] + right * light[green[row + 1, column + 1]]
+    return np.asarray((1.0 - down) * upper + down * lower)
 
 
 @lru_cache(maxsize=8)

@@ -20,7 +20,7 @@ from landtool.tone import Tone
 from landtool.types import Image
 
 _ROUNDS = 6
-_STOP_RAD = 2e-3
+_STOP_RAD = 4e-3  # the next step would be several times smaller
 _LEAST_SHARE = 0.4  # of the edges in the picture; with fewer something covers the pad, or it is another
 _LEAST_SIGMA_PX = 0.08  # an edge is never known better: paper and print are not exact
 _HUBER = 2.0
@@ -61,9 +61,14 @@ def _step(corners: Corners, edges: Edges, now: Solution) -> tuple[Array, Solutio
 
 def _jacobian(camera: Camera, pose: Pose, edges: Edges) -> Array:
     """Derivative (N, 6) of the edges' places along their normals by (dt, dw), in pixels."""
-    step = 1e-5
-    moves = np.diag(np.repeat([step * pose.translation[2], step], 3))
-    points = np.concatenate([pose.perturbed(move).apply(edges.points_m) for move in (np.zeros(6), *moves)])
-    pixels = camera.project(points).reshape(7, -1, 2)
-    change = (pixels[1:] - pixels[0]) / np.diag(moves)[:, None, None]
-    return np.asarray(np.einsum("kni,ni->nk", change, edges.normals))
+    seen = pose.apply(edges.points_m)
+    step = 1e-5 * float(pose.translation[2])
+    moved = camera.project(np.concatenate([seen, seen + (step, 0.0, 0.0), seen + (0.0, step, 0.0)]))
+    here, by_x, by_y = moved.reshape(3, -1, 2)
+    along_x = ((by_x - here) * edges.normals).sum(axis=1) / step
+    along_y = ((by_y - here) * edges.normals).sum(axis=1) / step
+    # a point further out on the same ray is seen at the same place: x d/dx + y d/dy + z d/dz = 0
+    x, y, z = seen.T
+    by_point = np.column_stack([along_x, along_y, -(x * along_x + y * along_y) / z])
+    # dp = dt + dw x q with q = R p, and g . (dw x q) = dw . (q x g)
+    return np.column_stack([by_point, np.cross(seen - pose.translation, by_point)])
