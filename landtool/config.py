@@ -12,12 +12,15 @@ from typing import Any, Literal, TypeVar, get_args, get_origin
 
 from landtool.errors import InputError, UsageError
 from landtool.families import canonical_name
+from landtool.io.local import local_file
 from landtool.pad import refuse_unknown_keys
 from landtool.tone import parse_tone
 from landtool.tracking.tracker import TrackerConfig
 
 Settings = TypeVar("Settings")
 SAVES = ("video", "csv")
+# What a number must lie in; the command line's options have the same
+BOUNDS = {"hfov_deg": (1.0, 170.0), "diameter_m": (0.01, 100.0), "fps": (0.001, 1000.0)}
 
 
 @dataclass(frozen=True)
@@ -74,6 +77,12 @@ class TrackConfig:
         for name in self.save:
             if name not in SAVES:
                 raise UsageError(f"unknown output '{name}'", hint=f"known: {', '.join(SAVES)}")
+        for name, (low, high) in BOUNDS.items():
+            value = getattr(self, name)
+            if value is not None and not low <= value <= high:
+                raise UsageError(f"{name} = {value:g} is outside {low:g} to {high:g}")
+        if self.camera_name is not None and self.camera is None:
+            raise UsageError("a camera's name, but no file to find it in", hint="give the camchain with --camera")
         if self.camera is not None and self.hfov_deg is not None:
             raise UsageError("--camera and --hfov exclude each other", hint="keep the calibration file")
 
@@ -84,7 +93,7 @@ def read_config(path: Path) -> dict[str, Any]:
     Raises UsageError when it cannot be opened, InputError for broken TOML.
     """
     try:
-        with path.open("rb") as file:
+        with local_file(path).open("rb") as file:
             data = tomllib.load(file)
     except OSError as error:
         raise UsageError(error.strerror or "cannot be read", file=path) from error
@@ -121,6 +130,8 @@ def _converted(value: Any, kind: Any, name: str) -> Any:
     """Return a value as the type a field is declared with."""
     options = [k for k in get_args(kind) if k is not NoneType] if NoneType in get_args(kind) else [kind]
     wanted = options[0]
+    if value == "":  # what an unset shell variable gives; as a path it would be the current folder
+        raise InputError(f"'{name}' is empty", hint="leave it out or give a value")
     if get_origin(wanted) is Literal:
         if value in get_args(wanted):
             return value

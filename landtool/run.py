@@ -13,10 +13,11 @@ import numpy as np
 from landtool.camera import Camera
 from landtool.config import TrackConfig
 from landtool.draw import Overlay
-from landtool.errors import UsageError
+from landtool.errors import InputError, UsageError
 from landtool.geometry import Pose
 from landtool.io.atomic import atomic_folder, refuse_input_as_output
 from landtool.io.calibration import match_camera, read_camera
+from landtool.io.local import local_file, nearest
 from landtool.io.poses import STRAIGHT_DOWN, EgoPoses, read_ego, read_mount
 from landtool.io.prefetch import prefetch
 from landtool.io.run_record import Counts, HashedFile, RunRecord, StageTime, write_run
@@ -32,6 +33,7 @@ from landtool.tracking.ego import EgoTrajectory
 from landtool.tracking.platform import PlatformTracker
 from landtool.types import Frame, FrameResult, LostFrame
 
+_SMALLEST_PX = 16  # of a picture's side; the AprilTag library crashes on two pixels and reads nothing on 12
 _AHEAD = 4  # frames decoded, and results measured, ahead of their use: enough to even out their times
 OnFrame = Callable[[Frame | LostFrame, FrameResult], None]
 
@@ -50,8 +52,22 @@ class RunOutcome:
 
 
 @dataclass(frozen=True)
+class RunFiles:
+    """What the files that settings name hold. paths: all of them.
+
+    camera: None where no file is named. ego: None too where the name is that of a topic in the log.
+    """
+
+    paths: tuple[Path, ...]
+    camera: Camera | None
+    pad: PadSpec
+    body_T_camera: Pose
+    ego: EgoTrajectory | None
+
+
+@dataclass(frozen=True)
 class _Setup:
-    """What a run needs, resolved from its settings and its input."""
+    """What a run needs, resolved from its settings, their files and its input."""
 
     camera: Camera
     pad: PadSpec
@@ -60,24 +76,46 @@ class _Setup:
     notes: list[str] = field(default_factory=list)
 
 
+def read_files(config: TrackConfig) -> RunFiles:
+    """Read the files the settings name; it takes no recording, so what is wrong with them is said at once.
+
+    Raises UsageError for a file that cannot be opened and a pad without tags, InputError as the files' readers do.
+    """
+    ego = Path(config.ego) if config.ego and Path(config.ego).exists() else None
+    paths = tuple(local_file(path) for path in (config.camera, config.pad, config.mount, ego) if path is not None)
+    pad = PadSpec.read(config.pad) if config.pad else PadSpec()
+    if not pad.tags:
+        raise UsageError("the pad has no tag to read", file=config.pad, hint="add [[tags]] to it")
+    return RunFiles(
+        paths,
+        read_camera(config.camera, config.camera_name) if config.camera else None,
+        pad if config.diameter_m is None else pad.scaled(config.diameter_m),
+        read_mount(config.mount) if config.mount else STRAIGHT_DOWN,
+        EgoTrajectory(read_ego(ego)) if ego else None,
+    )
+
+
 def track(
     path: Path,
     folder: Path,
     config: TrackConfig,
     *,
+    files: RunFiles | None = None,
     overwrite: bool = False,
     on_start: Callable[[SourceInfo], None] | None = None,
     on_frame: OnFrame | None = None,
 ) -> RunOutcome:
     """Track the pad through one recording and write what was found into `folder`, whole or not at all.
 
+    files: what `read_files` returned for this config, where several recordings share it.
     Raises UsageError, InputError and OutputError as the parts do.
     """
-    refuse_input_as_output([path], folder)
     started = time.perf_counter()
+    files = files or read_files(config)
+    refuse_input_as_output([path, *files.paths], folder)
     with ExitStack() as stack:
         source = stack.enter_context(open_source(path, topic=config.topic, fps=config.fps))
-        setup = _resolve(config, source.info)
+        setup = _resolve(config, files, source.info)
         tracker = PlatformTracker(config.tracker, setup.body_T_camera, setup.ego)
         temporary = stack.enter_context(atomic_folder(folder, overwrite=overwrite))
         if on_start is not None:
@@ -93,66 +131,66 @@ def track(
         results = process(prefetch(iter(source), _AHEAD), tags=_tag_stage(config, setup), tracker=tracker)
         with open_sinks(config.save, sink_setup) as sinks:
             written = write_all(summary.watch(prefetch(iter(results), _AHEAD)), sinks, on_frame)
-        notes = (*setup.notes, *source.info.notes, *source.report.notes, *(n for s in sinks for n in s.notes))
+        said = (*setup.notes, *source.info.notes, *source.report.notes, *(n for s in sinks for n in s.notes))
         outcome = RunOutcome(
             folder,
             summary,
             _counts(source, written.pictures),
             written.timings,
-            tuple(dict.fromkeys(notes)),
+            tuple(dict.fromkeys((*said, *summary.notes()))),
             time.perf_counter() - started,
-            0 if source.report.complete else 3,
+            0 if source.report.complete and not summary.unmeasured else 3,
         )
-        write_run(temporary, _record(path, config, outcome))
+        write_run(temporary, _record([path, *files.paths], config, outcome))
     return outcome
 
 
-def _resolve(config: TrackConfig, info: SourceInfo) -> _Setup:
+def _resolve(config: TrackConfig, files: RunFiles, info: SourceInfo) -> _Setup:
+    if min(info.width, info.height) < _SMALLEST_PX:
+        reason = f"its pictures of {info.width}x{info.height} pixels are too small to show a tag"
+        raise InputError(reason, file=info.path, hint="give the original recording")
     notes: list[str] = []
-    pad = PadSpec.read(config.pad) if config.pad else PadSpec()
-    pad = pad.scaled(config.diameter_m) if config.diameter_m else pad
-    if not pad.tags:
-        raise UsageError("the pad has no tag to read", file=config.pad, hint="add [[tags]] to it")
-    camera = _camera(config, info, notes)
-    mount = read_mount(config.mount) if config.mount else STRAIGHT_DOWN
-    return _Setup(camera, pad, mount, _ego(config, info), notes)
+    camera = _camera(config, files.camera, info, notes)
+    return _Setup(camera, files.pad, files.body_T_camera, files.ego or _ego_topic(config.ego, info), notes)
 
 
-def _camera(config: TrackConfig, info: SourceInfo, notes: list[str]) -> Camera:
+def _camera(config: TrackConfig, given: Camera | None, info: SourceInfo, notes: list[str]) -> Camera:
     """Return the camera of the pictures as they are given out: matched in size, turned as they were."""
+    camera = given or info.camera
     if config.hfov_deg is not None:
-        guessed = Camera.from_hfov(info.width, info.height, config.hfov_deg)
-        notes.append(f"camera assumed: {guessed.assumed}")
-        return guessed
-    camera = read_camera(config.camera, config.camera_name) if config.camera else info.camera
-    if camera is None:
+        camera = Camera.from_hfov(info.width, info.height, config.hfov_deg)
+    elif camera is None:
         hint = "pass --camera FILE, or --hfov DEG if nobody has measured it"
         raise UsageError("no camera calibration", file=info.path, hint=hint)
     if camera.assumed:
         notes.append(f"camera assumed: {camera.assumed}")
-    return _turned(camera, info, config.scale_intrinsics, notes)
+    if config.hfov_deg is not None:
+        return camera
+    try:
+        return match_camera(_turned(camera, info, notes), info.width, info.height, scale=config.scale_intrinsics)
+    except InputError as error:
+        raise InputError(error.reason, file=config.camera or info.path, hint=error.hint) from error
 
 
-def _turned(camera: Camera, info: SourceInfo, scale: bool, notes: list[str]) -> Camera:
+def _turned(camera: Camera, info: SourceInfo, notes: list[str]) -> Camera:
     if info.quarter_turns % 2 and (camera.width, camera.height) == (info.width, info.height):
         notes.append("the calibration has the size of the turned pictures and is taken as theirs")
         return camera
     if info.quarter_turns:
         notes.append(f"the pictures are turned by {info.rotation_deg} degrees, the intrinsics with them")
-    return match_camera(camera.rotated(info.quarter_turns), info.width, info.height, scale=scale)
+    return camera.rotated(info.quarter_turns)
 
 
-def _ego(config: TrackConfig, info: SourceInfo) -> EgoTrajectory | None:
-    """Read the drone's own poses: a file when there is one of that name, else a topic of the log."""
-    if config.ego is None:
+def _ego_topic(topic: str | None, info: SourceInfo) -> EgoTrajectory | None:
+    """Read the drone's own poses from a topic of the log; None when no topic is named."""
+    if topic is None:
         return None
-    if Path(config.ego).is_file():
-        return EgoTrajectory(read_ego(Path(config.ego)))
     if info.kind != "mcap":
-        raise UsageError("no such file", file=config.ego, hint="give a CSV or TUM file; topics are in MCAP logs only")
+        hint = f"{nearest(Path(topic))} (topics are in MCAP logs only)"
+        raise UsageError("does not exist", file=topic, hint=hint)
     from landtool.io.mcap_poses import read_poses
 
-    stamped = read_poses(info.path, config.ego)
+    stamped = read_poses(info.path, topic)
     stamps = np.array([t_ns for t_ns, _ in stamped], dtype=np.int64)
     places = np.array([pose.translation for _, pose in stamped])
     return EgoTrajectory(EgoPoses(stamps, places, np.array([pose.quaternion_wxyz for _, pose in stamped])))
@@ -171,13 +209,11 @@ def _counts(source: Source, written: int) -> Counts:
     return Counts(report.declared, report.decoded, report.damaged, report.lost, report.skipped, written)
 
 
-def _record(path: Path, config: TrackConfig, outcome: RunOutcome) -> RunRecord:
-    files = [path, *(Path(p) for p in (config.camera, config.pad, config.mount) if p)]
-    files += [Path(config.ego)] if config.ego and Path(config.ego).is_file() else []
+def _record(read: list[Path], config: TrackConfig, outcome: RunOutcome) -> RunRecord:
     return RunRecord(
         command="track",
         config=asdict(config),
-        inputs=tuple(HashedFile.of(file) for file in files),
+        inputs=tuple(HashedFile.of(file) for file in read),
         counts=outcome.counts,
         exit_code=outcome.exit_code,
         timings=outcome.timings,

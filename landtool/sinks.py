@@ -150,7 +150,10 @@ class ImagesSink(_Managed):
             self.notes.append(f"{name}: annotated as PNG, its own kind cannot be written")
             name += ".png"
         path = self._folder / name
-        done, data = cv2.imencode(Path(name).suffix, image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
+        suffix = Path(name).suffix
+        # given to another kind of image, OpenCV warns on stderr for every picture
+        options = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY] if suffix.lower() in (".jpg", ".jpeg") else []
+        done, data = cv2.imencode(suffix, image, options)
         if not done:
             raise OutputError("cannot be encoded", file=self._setup.folder / ANNOTATED_IMAGES / name)
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -18,10 +18,13 @@ class Summary:
 
     frames, posed (with a pose), tags (read, all ids), flips_rejected (the better fit was not believed), states
     (frames by the best track's state), distance_m (first, least), longest_gap_s (between poses, after the first).
+    unmeasured: pictures of another size than the camera's. unplaced: poses at whose time the drone's own is not known.
     """
 
     def __init__(self, camera: Camera) -> None:
         self.assumed = camera.assumed
+        self._size = camera.width, camera.height
+        self.unmeasured = self.unplaced = 0
         self.frames = self.posed = self.tags = self.flips_rejected = 0
         self.states: Counter[str] = Counter()
         self.first_distance_m: float | None = None
@@ -33,6 +36,7 @@ class Summary:
         """Pass results on and take them in."""
         for frame, result in results:
             self._add(result)
+            self.unmeasured += isinstance(frame, Frame) and frame.image.shape[1::-1] != self._size
             yield frame, result
 
     def _add(self, result: FrameResult) -> None:
@@ -43,6 +47,7 @@ class Summary:
         if result.pose is None:
             return
         self.posed += 1
+        self.unplaced += "own pose is not known" in result.reason
         self.flips_rejected += "mirror" in result.reason
         distance = float(np.linalg.norm(result.pose.camera_T_pad.translation))
         self.first_distance_m = distance if self.first_distance_m is None else self.first_distance_m
@@ -62,4 +67,17 @@ class Summary:
         said.append(f"track, frames by state: {share or 'none'}")
         if self.assumed:
             said.append(f"camera assumed: {self.assumed}; distances are as good as that")
+        return said
+
+    def notes(self) -> list[str]:
+        """Return what makes the results less than they seem, one sentence each."""
+        said = []
+        if self.unmeasured:
+            width, height = self._size
+            said.append(
+                f"{self.unmeasured} pictures are not of the camera's {width}x{height}, no pose is measured in them"
+            )
+        if self.unplaced:
+            place = f"the drone's own pose is not known at {self.unplaced} of the {self.posed} poses of the pad"
+            said.append(f"{place}; check that --ego covers the recording and is on its clock")
         return said

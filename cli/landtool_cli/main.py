@@ -5,10 +5,12 @@ from __future__ import annotations
 import difflib
 import errno
 import importlib
+import io
 import os
 import signal
 import sys
 import traceback
+import warnings
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -117,6 +119,7 @@ def cli(ctx: click.Context) -> None:
 def main() -> NoReturn:
     """Run the program with the arguments it was called with, and exit with its code."""
     signal.signal(signal.SIGTERM, _terminate)
+    _silence_libraries()
     sys.exit(run(sys.argv[1:]))
 
 
@@ -192,6 +195,18 @@ def _click_text(error: click.ClickException) -> str:
         reason = message[:1].lower() + message[1:]
     context = error.ctx if isinstance(error, click.UsageError) else None
     return f"{reason}; see '{context.command_path if context else 'landtool'} --help'"
+
+
+def _silence_libraries() -> None:
+    """Keep the libraries' own words off stderr, and names that are no UTF-8 from failing on stdout.
+
+    `python -W` and OPENCV_LOG_LEVEL bring them back.
+    """
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def _terminate(signum: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001 (a signal handler's signature)

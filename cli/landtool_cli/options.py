@@ -12,6 +12,8 @@ from typing import Any, Protocol, TypeVar
 
 import click
 
+from landtool.config import BOUNDS
+
 Decorated = TypeVar("Decorated", bound=Callable[..., Any])
 
 
@@ -34,11 +36,20 @@ class FiniteRange(click.FloatRange):
         return number
 
 
-PATH = click.Path(path_type=Path)
-# Open bounds: a camera that sees nothing or everything has no focal length
-HFOV_DEG = FiniteRange(0.0, 180.0, min_open=True, max_open=True)
-FPS = FiniteRange(0.0, 1000.0, min_open=True)
-DIAMETER_M = FiniteRange(0.01, 100.0)
+class GivenPath(click.Path):
+    """A path. The empty text, which an unset shell variable gives, is none and not the current folder."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path, or fail as click does."""
+        if value == "":
+            self.fail("the path is empty.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PATH = GivenPath(path_type=Path)
+HFOV_DEG = FiniteRange(*BOUNDS["hfov_deg"])
+FPS = FiniteRange(*BOUNDS["fps"])
+DIAMETER_M = FiniteRange(*BOUNDS["diameter_m"])
 
 
 def inputs(function: Decorated) -> Decorated:

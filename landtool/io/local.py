@@ -49,8 +49,9 @@ def nearest(path: Path) -> str:
     if not folder.is_dir():
         return f"there is no folder {folder}"
     try:
-        names = [entry.name for entry in folder.iterdir() if entry.name != path.name]
+        # compared without their suffixes, which make all names of a kind alike
+        names = {entry.stem: entry.name for entry in folder.iterdir() if entry.name != path.name}
     except OSError:
         return f"check the permissions of {folder}"
-    close = difflib.get_close_matches(path.name, names, n=1, cutoff=0.5)
-    return f"did you mean {folder / close[0]}?" if close else f"check the names in {folder}"
+    close = difflib.get_close_matches(path.stem, names, n=1, cutoff=0.5)
+    return f"did you mean {folder / names[close[0]]}?" if close else f"check the names in {folder}"

@@ -65,10 +65,12 @@ class VideoWriter:
     def notes(self) -> list[str]:
         """What could not be kept as given, one sentence each."""
         notes = []
+        rounded = self.time_base != self._base
         if self._origin:
-            notes.append(f"the video's time starts {float(self._origin):.9f} s later than the source's")
-        if self.time_base != self._base:
-            notes.append("the video's times are rounded to microseconds")
+            start = f"time 0 of the written video is {float(self._origin):.9f} s on the source's clock"
+            notes.append(f"{start}, its times are rounded to microseconds" if rounded else start)
+        elif rounded:
+            notes.append("the written video's times are rounded to microseconds")
         if self.width % 2 or self.height % 2:
             notes.append("an odd side was padded by one pixel, as H.264 players need it even")
         if self.bumped:

@@ -81,7 +81,7 @@ def test_an_output_that_exists_is_kept(tmp_path: Path, capsys: Said) -> None:
         (["-o", "a.svg", "--page", "a5"], 2, "invalid value for '--page': 'a5' is not one of 'a4', 'a3', 'letter'"),
         (["-o", "a.pdf", "--diameter", "90"], 2, "a target 99 m wide needs"),
         (["-o", "a.png", "--diameter", "90"], 2, "1169525 x 1169880 pixels are too many; write an .svg"),
-        (["-o", "a.svg", "--pad", "none.toml"], 2, "none.toml: No such file or directory"),
+        (["-o", "a.svg", "--pad", "none.toml"], 2, "none.toml: does not exist; "),
         (["-o", "a.svg", "--pad", "bad.toml"], 1, "bad.toml: unknown key 'diametre_m'; nearest known key is"),
         (["-o", "bad.toml", "--pad", "bad.toml", "--overwrite"], 2, "bad.toml: is the input itself"),
     ],

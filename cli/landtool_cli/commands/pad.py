@@ -8,6 +8,7 @@ import click
 
 from landtool.errors import UsageError
 from landtool.io.atomic import atomic_path, refuse_input_as_output
+from landtool.io.local import local_file
 from landtool.pad import PadSpec
 from landtool.print_pad import FORMATS, PRINT_DIAMETER_M, PadPrint, print_pad
 from landtool.print_pad.layout import PAGES
@@ -72,7 +73,7 @@ def _wanted_pad(file: Path | None, diameter: float | None) -> PadSpec:
     """Return the pad of the options; on paper, pad v1 has the size that fits it."""
     if file is None:
         return PadSpec(diameter_m=diameter or PRINT_DIAMETER_M)
-    pad = PadSpec.read(file)
+    pad = PadSpec.read(local_file(file))
     return pad.scaled(diameter) if diameter else pad
 
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import click
 
 from landtool.config import SAVES, TrackConfig, configured, read_config
-from landtool.errors import LandtoolError
+from landtool.errors import InputError, LandtoolError, UsageError
 from landtool.families import FAMILIES
-from landtool.run import RunOutcome, track
+from landtool.run import RunFiles, RunOutcome, read_files, track
 from landtool.tracking.tracker import BOUNDS
 from landtool_cli import options
 from landtool_cli.batch import batch_exit_code, output_folders
@@ -71,14 +72,16 @@ def command(
     Writes poses, tracks with a prediction, tables of tags and frames, and an annotated video for each INPUT.
     """
     flags["hfov_deg"] = flags.pop("hfov")
-    settings = configured(_from_file(config), _nested(flags))
-    folders = output_folders(inputs, output or Path("runs/track"), overwrite=overwrite)
+    settings = _settings(config, flags)
+    files = read_files(settings)
+    also_read = [*files.paths, *([config] if config else [])]
+    folders = output_folders(inputs, output or Path("runs/track"), overwrite=overwrite, also_read=also_read)
     failures: list[LandtoolError] = []
     codes: list[int] = []
     for path, folder in zip(inputs, folders, strict=True):
         console.file = path
         try:
-            outcome = _track_one(console, path, folder, settings, overwrite)
+            outcome = _track_one(console, path, folder, settings, files, overwrite)
         except LandtoolError as error:
             if len(inputs) == 1:
                 raise
@@ -90,11 +93,27 @@ def command(
     return batch_exit_code(codes, failures)
 
 
-def _from_file(config: Path | None) -> TrackConfig:
+def _settings(file: Path | None, flags: dict[str, Any]) -> TrackConfig:
+    """Return the settings of a file, if there is one, with the options that were given put in."""
+    base = _from_file(file) if file else TrackConfig()
+    if flags["hfov_deg"] is not None and flags["camera"] is None:  # it stands in for the file's camera too
+        base = replace(base, camera=None, camera_name=None)
+    if flags["camera"] is not None and flags["hfov_deg"] is None:
+        base = replace(base, camera_name=None, hfov_deg=None)
     try:
-        return configured(TrackConfig(), read_config(config)) if config else TrackConfig()
+        settings = configured(base, _nested(flags))
+    except InputError as error:  # no file's content but what was typed
+        raise UsageError(error.reason, hint=error.hint) from error
+    if flags["tags__family"] and settings.tags.which == "pad":
+        raise UsageError("--family is read only with --tags all", hint="the pad's own families are in its file, --pad")
+    return settings
+
+
+def _from_file(file: Path) -> TrackConfig:
+    try:
+        return configured(TrackConfig(), read_config(file))
     except LandtoolError as error:
-        raise type(error)(error.reason, file=error.file or config, hint=error.hint) from error
+        raise type(error)(error.reason, file=error.file or file, hint=error.hint) from error
 
 
 def _nested(flags: dict[str, Any]) -> dict[str, Any]:
@@ -108,12 +127,15 @@ def _nested(flags: dict[str, Any]) -> dict[str, Any]:
     return values
 
 
-def _track_one(console: Console, path: Path, folder: Path, settings: TrackConfig, overwrite: bool) -> RunOutcome:
+def _track_one(
+    console: Console, path: Path, folder: Path, settings: TrackConfig, files: RunFiles, overwrite: bool
+) -> RunOutcome:
     with console.counter(label=path.name) as counter:
         return track(
             path,
             folder,
             settings,
+            files=files,
             overwrite=overwrite,
             on_start=lambda info: counter.expect(info.frames_declared),
             on_frame=lambda _frame, _result: counter.add(),

@@ -79,7 +79,7 @@ def test_epoch_stamps_count_from_the_first_within_a_microsecond(tmp_path: Path) 
     back = [frame.t_ns for frame in _read(tmp_path / "o.mp4")]
     assert back[0] == 0
     assert max(abs((b or 0) - (t - first)) for b, t in zip(back, times_ns, strict=True)) <= 500
-    assert any("starts 1700000000.123" in note for note in writer.notes)
+    assert any("is 1700000000.123" in note for note in writer.notes)
     assert any("microseconds" in note for note in writer.notes)
 
 
@@ -90,7 +90,7 @@ def test_a_negative_start_moves_to_zero_and_differences_stay(tmp_path: Path) -> 
     assert [frame.t_ns for frame in _read(tmp_path / "o.mp4")] == [
         ticks_to_ns(512 * count, base) for count in range(10)
     ]
-    assert any("later than the source's" in note for note in writer.notes)
+    assert any("on the source's clock" in note for note in writer.notes)
     assert "-0.166666667 s" in writer.notes[0]
 
 
