@@ -64,7 +64,9 @@ def measure_edges(image: Image, camera: Camera, camera_T_pad: Pose, pad: PadSpec
     total = fall.sum(axis=1)
     seen = total > _LEAST_FALL * np.quantile(total, 0.9) + 1e-6
     middle = (distance[1:] + distance[:-1]) / 2.0
-    offsets = fall[seen] @ middle / total[seen]
+    # squared, so that the noise of the bright side, larger in linear light, does not pull the centre there
+    strength = fall[seen] ** 2
+    offsets = strength @ middle / strength.sum(axis=1)
     on_pad = np.column_stack([points[inside][seen], np.zeros(int(seen.sum()))])
     return Edges(on_pad, normals[inside][seen], offsets, float(seen.sum() / inside.sum()))
 
