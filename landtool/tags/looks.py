@@ -18,7 +18,8 @@ from landtool.tone import Tone, linear_lut
 
 Grey = NDArray[np.uint8]
 Light = NDArray[np.float32]
-_TILE_PX = 16  # white is the brightest tile nearby
+_TILE_PX = 4  # white is the brightest tile nearby: smaller than the white around a small tag
+_NEARBY = np.ones((9, 9), np.uint8)  # tiles
 _DARKEST_WHITE = 0.05
 _SHARPENING, _SHARPENING_SIGMA_PX = 1.0, 1.0
 
@@ -50,10 +51,10 @@ def look_encoded(grey: Grey, scale: float) -> Look:
 def look_in_light(grey: Grey, scale: float, tone: Tone) -> Look:
     """Return the picture (H, W) in linear light, evenly lit, sharpened unless it is reduced, and scaled."""
     light = np.asarray(cv2.LUT(grey, linear_lut(tone)), dtype=np.float32)
-    even = cv2.min(cv2.divide(light, _white(light)), 1.0)  # type: ignore[call-overload]
+    even = np.minimum(cv2.divide(light, _white(light)), 1.0)
     if scale >= 1.0:
         blurred = cv2.GaussianBlur(even, (0, 0), _SHARPENING_SIGMA_PX)
-        even = cv2.max(cv2.addWeighted(even, 1.0 + _SHARPENING, blurred, -_SHARPENING, 0.0), 0.0)
+        even = np.maximum(cv2.addWeighted(even, 1.0 + _SHARPENING, blurred, -_SHARPENING, 0.0), 0.0)
     return _scaled(np.asarray(cv2.convertScaleAbs(even, alpha=255.0), dtype=np.uint8), scale)
 
 
@@ -62,7 +63,7 @@ def _white(light: Light) -> Light:
     height, width = light.shape
     tiles = (max(width // _TILE_PX, 1), max(height // _TILE_PX, 1))
     white = np.asarray(cv2.resize(light, tiles, interpolation=cv2.INTER_AREA))
-    white = np.asarray(cv2.GaussianBlur(cv2.dilate(white, np.ones((5, 5), np.uint8)), (0, 0), 2.0))
+    white = np.asarray(cv2.GaussianBlur(cv2.dilate(white, _NEARBY), (0, 0), 3.0))
     white = np.asarray(cv2.resize(white, (width, height), interpolation=cv2.INTER_LINEAR))
     return np.maximum(white, _DARKEST_WHITE, dtype=np.float32)
 
@@ -71,6 +72,6 @@ def _scaled(grey: Grey, scale: float) -> Look:
     height, width = grey.shape
     size = max(round(width * scale), 1), max(round(height * scale), 1)
     if size != (width, height):
-        kind = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
+        kind = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LANCZOS4
         grey = np.asarray(cv2.resize(grey, size, interpolation=kind), dtype=np.uint8)
     return Look(grey, np.array([size[0] / width, size[1] / height]))

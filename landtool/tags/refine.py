@@ -79,7 +79,7 @@ class _Fit:
         p = self._begin()
         if p is None:
             return None
-        for _ in range(ITERATIONS):
+        for left in reversed(range(ITERATIONS)):
             residual, jacobian, weight = self._linearise(p)
             weighted = jacobian * weight
             inverse = _inverse(weighted @ jacobian.T)
@@ -92,10 +92,10 @@ class _Fit:
             moved = np.abs(self._corners(p) - before).max()
             if not moved < 3.0 * self.module_px:  # NaN too
                 return None
-            if moved < STOP_PX:
-                break
-        # the last step was tiny: residuals follow it linearly
-        return self._outcome(p, residual - step @ jacobian, jacobian, weighted, inverse)
+            if moved < STOP_PX or left == 0:
+                # residuals follow the last, tiny step linearly
+                return self._outcome(p, residual - step @ jacobian, jacobian, weighted, inverse)
+        return None
 
     def _begin(self) -> Array | None:
         """Choose the pixels and set the light by linear least squares; None where there is no contrast."""
@@ -206,7 +206,8 @@ class _Fit:
 
     def _corners(self, p: Array) -> Array:
         q = np.append(p[:8], 1.0).reshape(3, 3) @ self.square
-        return (q[:2] / q[2]).T
+        corners: Array = (q[:2] / q[2]).T
+        return corners
 
     def _corner_jacobian(self, p: Array, corners: Array) -> Array:
         """Derivative (8, 8) of x0 y0 ... x3 y3 by the homography's first eight entries."""

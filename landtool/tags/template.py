@@ -48,11 +48,14 @@ class Template:
         n = len(self.first)
         # sample k stands at (k + 0.5) / n of the width
         grid = (places.T * (n / (2.0 * self.reach)) + 0.5 * (n - 1)).astype(np.float32)[:, None]
-        first, second = (
-            cv2.remap(samples, grid, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[:, 0].T
-            for samples in (self.first, self.second)
-        )
+        first, second = (_interpolate(samples, grid).T for samples in (self.first, self.second))
         return first.astype(np.float64), second.astype(np.float64)
+
+
+def _interpolate(samples: NDArray[np.float32], grid: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return samples (n, n, C) at places (N, 1, 2), column and row, as (N, C)."""
+    found = cv2.remap(samples, grid, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)  # type: ignore[call-overload]
+    return np.asarray(found[:, 0], dtype=np.float32)
 
 
 def template(family: str, tag_id: int, blur: float) -> Template:
