@@ -14,12 +14,13 @@ import cv2
 import numpy as np
 
 from landtool.camera import Camera
-from landtool.geometry import Array, Pose, rotation_from_rotvec, skew
+from landtool.geometry import Array, Pose, rotation_from_rotvec
 from landtool.pad import PadSpec
 from landtool.types import TagObservation
 
 _ITERATIONS = 8
 _SAME_ANGLE_RAD = 2e-3
+_SETTLED = 1e-3  # of chi-square: the pose is within a thirtieth of its own uncertainty
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,24 +37,70 @@ class Solution:
     reproj_px: float
 
 
-def pad_solutions(observations: Sequence[TagObservation], camera: Camera, pad: PadSpec) -> tuple[Solution, ...]:
-    """Return the one or two poses of the pad, the better fit first; none when no tag of the pad was observed.
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """The corners of all the pad's tags read in one picture, ready to be fitted.
 
-    All observed tags of the pad are solved jointly; they lie in one plane.
+    points_m: (N, 3) pad frame. pixels: (N, 2) measured. flat: (N, 2) the same as undistorted x/z, y/z. weight:
+    (2N, 2N), the inverse covariance of `flat`.
     """
+
+    points_m: Array
+    pixels: Array
+    flat: Array
+    weight: Array
+    camera: Camera
+
+    def linearise(self, pose: Pose) -> tuple[Array, Array]:
+        """Residuals (2N,) in x/z, y/z at a pose and the Jacobian (2N, 6) of the projection by (dt, dw)."""
+        qx, qy, qz = pose.rotation @ self.points_m.T
+        x, y, z = qx + pose.translation[0], qy + pose.translation[1], qz + pose.translation[2]
+        by_z = 1.0 / z
+        a, b, zero = x * by_z, y * by_z, np.zeros_like(z)
+        au, bv = a * by_z, b * by_z
+        # d(x/z, y/z) = r (dt + dw x q), q = R p, r = (1/z, 0, -x/z^2) and (0, 1/z, -y/z^2); r (dw x q) = (q x r) dw
+        jacobian = np.stack([
+            by_z, zero, -au, -qy * au, qz * by_z + qx * au, -qy * by_z,
+            zero, by_z, -bv, -qz * by_z - qy * bv, qx * bv, qx * by_z,
+        ], axis=1)  # fmt: skip
+        return (self.flat - np.stack([a, b], axis=1)).ravel(), jacobian.reshape(-1, 6)
+
+    def terms(self, pose: Pose) -> tuple[Array, Array, float]:
+        """Normal matrix (6, 6), gradient (6,) and chi-square of the corners at a pose."""
+        residual, jacobian = self.linearise(pose)
+        weighted = self.weight @ jacobian
+        return jacobian.T @ weighted, weighted.T @ residual, float(residual @ self.weight @ residual)
+
+    def reproj_px(self, pose: Pose) -> float:
+        """RMS distance of the corners from where a pose has them, pixels."""
+        distance = self.camera.project(pose.apply(self.points_m)) - self.pixels
+        return float(np.sqrt((distance**2).sum(axis=1).mean()))
+
+
+def pad_corners(observations: Sequence[TagObservation], camera: Camera, pad: PadSpec) -> Corners | None:
+    """Gather the corners of the pad's tags; None when none was observed, or outside what the lens model covers."""
     tags = {(tag.family, tag.id): tag for tag in pad.tags}
     seen = [(tags[o.family, o.tag_id], o) for o in observations if (o.family, o.tag_id) in tags]
     if not seen:
-        return ()
+        return None
     points = np.concatenate([pad.tag_corners_m(tag) for tag, _ in seen])
-    corners = np.concatenate([o.corners_px for _, o in seen])
-    flat, weight = _normalise(camera, corners, [o.covariance_px2 for _, o in seen])
-    if not np.isfinite(flat).all():
-        return ()
-    _, rotvecs, translations, _ = cv2.solvePnPGeneric(points, flat, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
-    starts = [Pose(cv2.Rodrigues(r)[0], t) for r, t in zip(rotvecs, translations, strict=True)]
-    found = [_refine(start, points, flat, weight, corners, camera) for start in starts]
-    solutions = sorted((s for s in found if s is not None), key=lambda s: s.chi2)
+    pixels = np.concatenate([o.corners_px for _, o in seen])
+    flat, weight = _normalise(camera, pixels, [o.covariance_px2 for _, o in seen])
+    return Corners(points, pixels, flat, weight, camera) if np.isfinite(flat).all() else None
+
+
+def pad_solutions(corners: Corners) -> tuple[Solution, ...]:
+    """Return the one or two poses that fit the corners, the better fit first.
+
+    All tags are solved jointly; they lie in one plane.
+    """
+    found = cv2.solvePnPGeneric(corners.points_m, corners.flat, np.eye(3), None, flags=cv2.SOLVEPNP_IPPE)
+    starts = [
+        Pose(rotation_from_rotvec(r.ravel()), np.asarray(t, np.float64))
+        for r, t in zip(found[1], found[2], strict=True)
+    ]
+    refined = [_refine(start, corners) for start in starts]
+    solutions = sorted((s for s in refined if s is not None), key=lambda s: s.chi2)
     if len(solutions) == 2 and solutions[0].camera_T_pad.angle_to(solutions[1].camera_T_pad) < _SAME_ANGLE_RAD:
         return (solutions[0],)
     return tuple(solutions)
@@ -76,39 +123,21 @@ def _normalise(camera: Camera, corners: Array, covariances: list[Array]) -> tupl
     return flat, weight
 
 
-def _refine(start: Pose, points: Array, flat: Array, weight: Array, corners: Array, camera: Camera) -> Solution | None:
+def _refine(start: Pose, corners: Corners) -> Solution | None:
     """Gauss-Newton on the weighted corner residuals from one start, with Levenberg's damping."""
     pose, damping = start, 1e-6
-    residual, jacobian = _linearise(pose, points, flat)
-    chi2 = float(residual @ weight @ residual)
+    normal, gradient, chi2 = corners.terms(pose)
     for _ in range(_ITERATIONS):
-        normal = jacobian.T @ weight @ jacobian
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), jacobian.T @ weight @ residual)
-        moved = Pose(rotation_from_rotvec(step[3:]) @ pose.rotation, pose.translation + step[:3])
-        new_residual, new_jacobian = _linearise(moved, points, flat)
-        new_chi2 = float(new_residual @ weight @ new_residual)
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+        moved = pose.perturbed(step)
+        new_normal, new_gradient, new_chi2 = corners.terms(moved)
         if not new_chi2 <= chi2:
             damping = max(10.0 * damping, 1e-3)
             continue
         gained, damping = chi2 - new_chi2, 0.1 * damping
-        pose, residual, jacobian, chi2 = moved, new_residual, new_jacobian, new_chi2
-        if gained < 1e-6 * chi2 + 1e-9:
+        pose, normal, gradient, chi2 = moved, new_normal, new_gradient, new_chi2
+        if gained < _SETTLED:
             break
     if not np.isfinite(chi2) or pose.translation[2] <= 0:
         return None
-    covariance: Array = np.linalg.inv(jacobian.T @ weight @ jacobian)
-    distance = camera.project(pose.apply(points)) - corners
-    return Solution(pose, covariance, chi2, float(np.sqrt((distance**2).sum(axis=1).mean())))
-
-
-def _linearise(pose: Pose, points: Array, flat: Array) -> tuple[Array, Array]:
-    """Residuals (2N,) in x/z, y/z and the Jacobian (2N, 6) of the projection by (dt, dw)."""
-    turned = points @ pose.rotation.T
-    x, y, z = (turned + pose.translation).T
-    residual = (flat - np.column_stack([x / z, y / z])).ravel()
-    # d(x/z, y/z) = [1/z 0 -x/z^2; 0 1/z -y/z^2] (dt + dw x (R p)), and dw x q = -skew(q) dw
-    by_point = np.zeros((len(points), 2, 3))
-    by_point[:, 0, 0] = by_point[:, 1, 1] = 1.0 / z
-    by_point[:, 0, 2], by_point[:, 1, 2] = -x / z**2, -y / z**2
-    by_turn = by_point @ np.stack([-skew(q) for q in turned])
-    return residual, np.concatenate([by_point, by_turn], axis=2).reshape(-1, 6)
+    return Solution(pose, np.asarray(np.linalg.inv(normal)), chi2, corners.reproj_px(pose))
