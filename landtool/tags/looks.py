@@ -50,12 +50,14 @@ def look_encoded(grey: Grey, scale: float) -> Look:
 
 def look_in_light(grey: Grey, scale: float, tone: Tone) -> Look:
     """Return the picture (H, W) in linear light, evenly lit, sharpened unless it is reduced, and scaled."""
-    light = np.asarray(cv2.LUT(grey, linear_lut(tone)), dtype=np.float32)
+    before = _scaled(grey, min(scale, 1.0))  # reduced first: the rest is then quick
+    light = np.asarray(cv2.LUT(before.picture, linear_lut(tone)), dtype=np.float32)
     even = np.minimum(cv2.divide(light, _white(light)), 1.0)
     if scale >= 1.0:
         blurred = cv2.GaussianBlur(even, (0, 0), _SHARPENING_SIGMA_PX)
         even = np.maximum(cv2.addWeighted(even, 1.0 + _SHARPENING, blurred, -_SHARPENING, 0.0), 0.0)
-    return _scaled(np.asarray(cv2.convertScaleAbs(even, alpha=255.0), dtype=np.uint8), scale)
+    after = _scaled(np.asarray(cv2.convertScaleAbs(even, alpha=255.0), dtype=np.uint8), max(scale, 1.0))
+    return Look(after.picture, before.scale_xy * after.scale_xy)
 
 
 def _white(light: Light) -> Light:
