@@ -42,9 +42,9 @@ class TagConfig:
         canonical_name(self.family)
         parse_tone(self.tone)
         if not 0 <= self.max_hamming <= 2:
-            raise UsageError(f"max_hamming = {self.max_hamming} is outside 0 to 2")
+            raise UsageError(f"max_hamming = {self.max_hamming} is impossible", hint="give 0 to 2")
         if not 0.0 <= self.min_margin <= 255.0:
-            raise UsageError(f"min_margin = {self.min_margin:g} is outside 0 to 255")
+            raise UsageError(f"min_margin = {self.min_margin:g} is impossible", hint="give 0 to 255")
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class TrackConfig:
         for name, (low, high) in BOUNDS.items():
             value = getattr(self, name)
             if value is not None and not low <= value <= high:
-                raise UsageError(f"{name} = {value:g} is outside {low:g} to {high:g}")
+                raise UsageError(f"{name} = {value:g} is impossible", hint=f"give {low:g} to {high:g}")
         if self.camera_name is not None and self.camera is None:
             raise UsageError("a camera's name, but no file to find it in", hint="give the camchain with --camera")
         if self.camera is not None and self.hfov_deg is not None:

@@ -28,6 +28,7 @@ def process(
         reading = tags.read(frame, tracker.world_T_body(frame.t_ns))
         read = time.perf_counter()
         tracks, said = tracker.step(frame.t_ns, reading.pose)
+        body_T_pad, world_T_pad = tracker.placed(frame.t_ns, reading.pose)
         tracked = time.perf_counter()
         yield (
             frame,
@@ -41,6 +42,8 @@ def process(
                 search=reading.search,
                 tags=reading.tags,
                 pose=reading.pose,
+                body_T_pad=body_T_pad,
+                world_T_pad=world_T_pad,
                 tracks=tracks,
                 stage_seconds={"tags": read - start, "track": tracked - read},
             ),

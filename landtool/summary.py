@@ -48,7 +48,7 @@ class Summary:
             return
         self.posed += 1
         self.unplaced += "own pose is not known" in result.reason
-        self.flips_rejected += "mirror" in result.reason
+        self.flips_rejected += result.pose.better_fit_rejected
         distance = float(np.linalg.norm(result.pose.camera_T_pad.translation))
         self.first_distance_m = distance if self.first_distance_m is None else self.first_distance_m
         self.least_distance_m = min(distance, self.least_distance_m or distance)

@@ -90,7 +90,8 @@ class PadPose:
     covariance: (6, 6), of a left perturbation (dt, dw) in the camera frame: t + dt in m, exp(dw) R in rad.
     ambiguity: weighted reprojection error of the better of the two solutions over the other's, in [0, 1]; near 1
     nothing in this image tells them apart. reproj_px: RMS distance over the corners, pixels.
-    alternative: the solution not chosen, None where there is only one.
+    alternative: the solution not chosen, None where there is only one. better_fit_rejected: the solution chosen
+    fits the corners less well, but the past or the drone's attitude supports it.
     """
 
     camera_T_pad: Pose
@@ -99,6 +100,7 @@ class PadPose:
     ambiguity: float
     reproj_px: float
     alternative: Pose | None = None
+    better_fit_rejected: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +123,10 @@ class Track:
 
 @dataclass(frozen=True)
 class FrameResult:
-    """What is known about one frame, without its image. Truth has the same type."""
+    """What is known about one frame, without its image. Truth has the same type.
+
+    body_T_pad: the pad as seen from the drone. world_T_pad: in the world, where the drone's own pose is known.
+    """
 
     index: int
     t_ns: int | None
@@ -135,5 +140,7 @@ class FrameResult:
     detections: tuple[Detection, ...] = ()
     tags: tuple[TagObservation, ...] = ()
     pose: PadPose | None = None
+    body_T_pad: Pose | None = None
+    world_T_pad: Pose | None = None
     tracks: tuple[Track, ...] = ()
     stage_seconds: dict[str, float] = field(default_factory=dict)

@@ -53,7 +53,7 @@ def frames() -> Iterator[Frame]:
             CAMERA, LANDING.camera_T_pad(t_s), pad, ground, camera_T_ground=LANDING.camera_T_ground(t_s), light=0.75
         )
         image = encode(light, blur_sigma_px=0.6, noise_sigma=2.0, rng=rng)
-        yield Frame(index, index * 1_000_000_000 // FPS, image)
+        yield Frame(index, round(Fraction(index * 1_000_000_000, FPS)), image)
 
 
 def main() -> None:

@@ -57,6 +57,13 @@ def _poses(result: FrameResult) -> Iterator[Row]:
     yield result.index, result.t_ns, pose.method, *place, *spread, pose.ambiguity, pose.reproj_px
 
 
+def _platform(result: FrameResult) -> Iterator[Row]:
+    for reference, reference_T_pad in (("body", result.body_T_pad), ("world", result.world_T_pad)):
+        if reference_T_pad is not None:
+            place = (float(v) for v in (*reference_T_pad.translation, *reference_T_pad.quaternion_wxyz))
+            yield result.index, result.t_ns, reference, *place
+
+
 def _tracks(result: FrameResult) -> Iterator[Row]:
     for t in result.tracks:
         values = [float(v) for v in (*t.state, *np.diag(t.covariance))]
@@ -77,7 +84,8 @@ def _floats(names: str) -> Columns:
 
 
 _CORNERS = "x0_px y0_px x1_px y1_px x2_px y2_px x3_px y3_px"
-_POSE = "x_m y_m z_m qw qx qy qz var_x_m2 var_y_m2 var_z_m2 var_rot_rad2 ambiguity reproj_px"
+_PLACE = "x_m y_m z_m qw qx qy qz"
+_POSE = f"{_PLACE} var_x_m2 var_y_m2 var_z_m2 var_rot_rad2 ambiguity reproj_px"
 _TRACK = "x_m y_m vx_mps vy_mps var_x_m2 var_y_m2 var_vx var_vy nis horizon_s x_pred_m y_pred_m"
 
 TABLES: dict[str, Table] = {
@@ -90,6 +98,7 @@ TABLES: dict[str, Table] = {
         _tags,
     ),
     "poses.csv": Table({**_WHEN, "method": str, **_floats(_POSE)}, _poses),
+    "platform.csv": Table({**_WHEN, "reference": str, **_floats(_PLACE)}, _platform),
     "tracks.csv": Table(
         {**_WHEN, "track_id": int, "state": str, "reference": str, **_floats(_TRACK)},
         _tracks,

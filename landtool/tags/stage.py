@@ -96,4 +96,13 @@ def _pad_pose(solutions: tuple[Solution, ...], chosen: int) -> PadPose:
     if len(solutions) == 2:
         alternative = solutions[1 - chosen].camera_T_pad
         ambiguity = float(np.sqrt(solutions[0].chi2 / max(solutions[1].chi2, 1e-12)))
-    return PadPose(best.camera_T_pad, best.covariance, "tag", min(ambiguity, 1.0), best.reproj_px, alternative)
+    ambiguity = min(ambiguity, 1.0)
+    return PadPose(
+        best.camera_T_pad,
+        best.covariance,
+        "tag",
+        ambiguity,
+        best.reproj_px,
+        alternative,
+        better_fit_rejected=chosen > 0,
+    )

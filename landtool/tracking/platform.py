@@ -30,6 +30,14 @@ class PlatformTracker:
         world_T_body = self.world_T_body(t_ns)
         return None if world_T_body is None else (world_T_body @ self._body_T_camera).inverse()
 
+    def placed(self, t_ns: int | None, pose: PadPose | None) -> tuple[Pose | None, Pose | None]:
+        """Return (body_T_pad, world_T_pad) of a measured pose, None for what is not known."""
+        if pose is None:
+            return None, None
+        body_T_pad = self._body_T_camera @ pose.camera_T_pad
+        world_T_body = self.world_T_body(t_ns)
+        return body_T_pad, None if world_T_body is None else world_T_body @ body_T_pad
+
     def step(self, t_ns: int | None, pose: PadPose | None) -> tuple[tuple[Track, ...], str]:
         """Advance to a frame's time with what was measured in it; returns the tracks and what a log should say."""
         if t_ns is None:

@@ -32,6 +32,8 @@ def full_result() -> FrameResult:
         detections=(Detection("pad", 0.875, 1.0, 2.0, 3.0, 4.5), Detection("pad", 0.5, -0.5, 0.0, 9.0, 9.0)),
         tags=(TagObservation("tag36h11", 5, 1, 61.5, corners, 0.1),),
         pose=PadPose(Pose.from_quaternion([0.1, -0.2, 5.0], quaternion), covariance, "tag", 0.25, 0.125),
+        body_T_pad=Pose.from_quaternion([1.0, 2.0, -3.0], quaternion),
+        world_T_pad=Pose.from_quaternion([4.0, 5.0, 0.5], quaternion),
         tracks=(
             Track(
                 3,
@@ -53,6 +55,7 @@ HEADERS = {
     "tags.csv": "frame,t_ns,family,tag_id,hamming,margin,x0_px,y0_px,x1_px,y1_px,x2_px,y2_px,x3_px,y3_px",
     "poses.csv": "frame,t_ns,method,x_m,y_m,z_m,qw,qx,qy,qz,var_x_m2,var_y_m2,var_z_m2,var_rot_rad2,"
     "ambiguity,reproj_px",
+    "platform.csv": "frame,t_ns,reference,x_m,y_m,z_m,qw,qx,qy,qz",
     "tracks.csv": "frame,t_ns,track_id,state,reference,x_m,y_m,vx_mps,vy_mps,var_x_m2,var_y_m2,var_vx,var_vy,nis,"
     "horizon_s,x_pred_m,y_pred_m",
     "frames.csv": "frame,t_ns,file,status,haze,dehazed,stage,search,reason",
@@ -61,6 +64,7 @@ ROWS = {
     "detections.csv": [f"7,{T_NS},pad,0.875,1,2,3,4.5", f"7,{T_NS},pad,0.5,-0.5,0,9,9"],
     "tags.csv": [f"7,{T_NS},tag36h11,5,1,61.5,10.5,20.25,30,20,30,40,10,0.333333333"],
     "poses.csv": [f"7,{T_NS},tag,0.1,-0.2,5,0.5,-0.5,0.5,-0.5,1,4,9,0.03,0.25,0.125"],
+    "platform.csv": [f"7,{T_NS},body,1,2,-3,0.5,-0.5,0.5,-0.5", f"7,{T_NS},world,4,5,0.5,0.5,-0.5,0.5,-0.5"],
     "tracks.csv": [f"7,{T_NS},3,confirmed,world,1,2,3,4,0.1,0.2,0.3,0.4,,0.5,2.5,4"],
     "frames.csv": [f'7,{T_NS},"a ""b"", c.png",damaged,0.25,1,near,region,"two lines\r\nof text"'],
 }

@@ -1,0 +1,1 @@
+"""Benchmarks: what landtool claims, measured and printed."""

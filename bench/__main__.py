@@ -1,0 +1,30 @@
+"""Print the tables behind landtool's numbers: `python -m bench [PART...]`, all parts without a name."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+# Each part: its module, with a function `main()` that prints tables, and what they show
+PARTS = {
+    "tags": ("bench.tags", "reading rate, corner error and time of the tag reader against two AprilTag bindings"),
+    "track": ("bench.track", "pose by distance, mirror poses, time a frame, memory"),
+    "recordings": ("bench.recordings", "landtool track on the real and path-traced recordings beside the project"),
+}
+
+
+def main(names: list[str]) -> int:
+    """Run the named parts, or all."""
+    unknown = [name for name in names if name not in PARTS]
+    if unknown:
+        print(f"unknown part {unknown[0]}; known: {', '.join(PARTS)}", file=sys.stderr)
+        return 2
+    for name in names or PARTS:
+        module, text = PARTS[name]
+        print(f"\n=== {name}: {text}", flush=True)
+        importlib.import_module(module).main()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
