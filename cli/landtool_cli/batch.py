@@ -21,6 +21,8 @@ def output_folders(
     Raises UsageError when two inputs would share a folder or one holds a file that is read, OutputExistsError for one
     that is there, before any work.
     """
+    if output.exists() and not output.is_dir():
+        raise UsageError("is no folder", file=output, hint="choose another -o")
     # made absolute for the names of `.` and `..`; a link keeps its own name
     folders = [output / (Path(os.path.abspath(path)).stem or "root") for path in inputs]  # noqa: PTH100
     for index, folder in enumerate(folders):

@@ -46,7 +46,8 @@ def atomic_path(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     OutputError when the disk is full, read-only or forbidden.
     """
     _refuse_target(path, overwrite)
-    with _output_errors(path), _reserved(path, _create_file) as temporary:
+    temporary = _temporary(path)
+    with _output_errors(path, temporary), _reserved(temporary, _create_file):
         yield temporary
         _sync(temporary)
         _refuse_target(path, overwrite)  # another run may have finished meanwhile
@@ -66,7 +67,8 @@ def atomic_folder(path: Path, *, overwrite: bool = False, mark: str = "run.json"
     """
     target = _real(path)  # a link to a folder stays a link
     _refuse_folder(path, target, overwrite, mark)
-    with _output_errors(path), _reserved(target, Path.mkdir) as temporary:
+    temporary = _temporary(target)
+    with _output_errors(path, temporary), _reserved(temporary, Path.mkdir):
         yield temporary
         _sync_tree(temporary)
         _refuse_folder(path, target, overwrite, mark)
@@ -89,17 +91,16 @@ def refuse_input_as_output(inputs: Iterable[Path], output: Path) -> None:
 
 
 @contextmanager
-def _output_errors(path: Path) -> Iterator[None]:
+def _output_errors(path: Path, temporary: Path) -> Iterator[None]:
     """Turn the OSErrors of writing `path` into OutputError; others, as of a reader, pass."""
     try:
         yield
     except OutputError as error:
-        parts = Path(error.file or "").parts
-        inside = [i for i, part in enumerate(parts) if part.startswith(TEMPORARY_PREFIX)]
-        if not inside:
+        if error.file is None or not Path(error.file).is_relative_to(temporary):
             raise
-        # name what was being made, this file or one of this folder, as it would have been called
-        raise OutputError(error.reason, file=path.joinpath(*parts[inside[-1] + 1 :]), hint=error.hint) from error
+        # this file, or one of this folder: name it as it would have been called
+        named_file = path / Path(error.file).relative_to(temporary)
+        raise OutputError(error.reason, file=named_file, hint=error.hint) from error
     except OSError as error:
         folder = os.path.realpath(path.parent)
         named = isinstance(error.filename, str | os.PathLike) and _is_ours(str(error.filename), folder)
@@ -120,15 +121,18 @@ def _is_ours(name: str, folder: str) -> bool:
     return TEMPORARY_PREFIX in place or place == folder or folder.startswith(place + os.sep)
 
 
+def _temporary(path: Path) -> Path:
+    return path.parent / f"{TEMPORARY_PREFIX}{secrets.token_hex(4)}{path.suffix}"
+
+
 @contextmanager
-def _reserved(path: Path, create: Callable[[Path], None]) -> Iterator[Path]:
-    """Create a temporary sibling of `path` and its missing parents; remove on failure whatever is left of them."""
-    temporary = path.parent / f"{TEMPORARY_PREFIX}{secrets.token_hex(4)}{path.suffix}"
-    new_parents = [parent for parent in path.parents if not parent.exists()]
+def _reserved(temporary: Path, create: Callable[[Path], None]) -> Iterator[None]:
+    """Create a temporary file or folder and its missing parents; remove on failure whatever is left of them."""
+    new_parents = [parent for parent in temporary.parents if not parent.exists()]
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.parent.mkdir(parents=True, exist_ok=True)
         create(temporary)
-        yield temporary
+        yield
     except BaseException:
         _remove(temporary)
         for parent in new_parents:
