@@ -34,6 +34,7 @@ BLUR_RANGE_PX = (0.3, 4.0)
 FLOOR_PX = 0.003
 NOISE = 2.0 / 255.0
 MODEL_ERROR = 0.02
+SMALLEST_MODULE_PX = 0.5
 _PARAMETERS = 13
 _FEWEST_PIXELS = 60
 
@@ -58,7 +59,13 @@ def register(image: NDArray[np.uint8], family: str, tag_id: int, corners_px: Arr
 
     Returns None when the fit leaves its start, finds no contrast, or has too few pixels to say anything.
     """
-    return _Fit(image, family, tag_id, corners_px, tone).run()
+    fit = _Fit(image, family, tag_id, corners_px, tone)
+    if not fit.module_px > SMALLEST_MODULE_PX:  # NaN too
+        return None
+    try:
+        return fit.run()
+    except np.linalg.LinAlgError:  # the homography or the normal matrix fell together
+        return None
 
 
 class _Fit:
@@ -83,8 +90,6 @@ class _Fit:
             residual, jacobian, weight = self._linearise(p)
             weighted = jacobian * weight
             inverse = _inverse(weighted @ jacobian.T)
-            if inverse is None:
-                return None
             before = self._corners(p)
             step = inverse @ (weighted @ residual)
             p = p + step
@@ -245,12 +250,9 @@ def _huber(residual: Array) -> Array:
     return weight
 
 
-def _inverse(matrix: Array) -> Array | None:
+def _inverse(matrix: Array) -> Array:
     """Invert a normal matrix whose entries span many decades: scaled to a unit diagonal first."""
     d = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scale = np.outer(d, d)
-    try:
-        inverse: Array = np.linalg.inv(matrix * scale) * scale
-    except np.linalg.LinAlgError:
-        return None
-    return inverse if np.isfinite(inverse).all() else None
+    inverse: Array = np.linalg.inv(matrix * scale) * scale
+    return inverse
