@@ -5,9 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator
 
-from landtool.tags.stage import TagStage
+from landtool.tags.stage import TagReading, TagStage
 from landtool.tracking.platform import PlatformTracker
 from landtool.types import Frame, FrameResult, LostFrame
+
+SMALLEST_PX = 16  # of a picture's side: the AprilTag library crashes on two pixels and reads nothing on 12
+_TOO_SMALL = TagReading((), None, "frame", "the picture is too small to show a tag")
 
 
 def process(
@@ -25,7 +28,8 @@ def process(
             yield frame, FrameResult(frame.index, frame.t_ns, frame.file, "damaged", reason, tracks=tracks)
             continue
         start = time.perf_counter()
-        reading = tags.read(frame, tracker.world_T_body(frame.t_ns))
+        small = min(frame.image.shape[:2]) < SMALLEST_PX
+        reading = _TOO_SMALL if small else tags.read(frame, tracker.world_T_body(frame.t_ns))
         read = time.perf_counter()
         tracks, said = tracker.step(frame.t_ns, reading.pose)
         body_T_pad, world_T_pad = tracker.placed(frame.t_ns, reading.pose)

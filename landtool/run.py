@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from landtool.camera import Camera
-from landtool.config import TrackConfig
+from landtool.config import BOUNDS, TrackConfig
 from landtool.draw import Overlay
 from landtool.errors import InputError, UsageError
+from landtool.families import canonical_name
 from landtool.geometry import Pose
 from landtool.io.atomic import atomic_folder, refuse_input_as_output
 from landtool.io.calibration import match_camera, read_camera
@@ -23,7 +24,7 @@ from landtool.io.prefetch import prefetch
 from landtool.io.run_record import Counts, HashedFile, RunRecord, StageTime, write_run
 from landtool.io.source import Source, SourceInfo, open_source
 from landtool.pad import PadSpec
-from landtool.pipeline import process
+from landtool.pipeline import SMALLEST_PX, process
 from landtool.sinks import SinkSetup, open_sinks, write_all
 from landtool.summary import Summary
 from landtool.tags.reader import ReaderConfig, TagReader
@@ -33,7 +34,6 @@ from landtool.tracking.ego import EgoTrajectory
 from landtool.tracking.platform import PlatformTracker
 from landtool.types import Frame, FrameResult, LostFrame
 
-_SMALLEST_PX = 16  # of a picture's side; the AprilTag library crashes on two pixels and reads nothing on 12
 _AHEAD = 4  # frames decoded, and results measured, ahead of their use: enough to even out their times
 OnFrame = Callable[[Frame | LostFrame, FrameResult], None]
 
@@ -86,10 +86,15 @@ def read_files(config: TrackConfig) -> RunFiles:
     pad = PadSpec.read(config.pad) if config.pad else PadSpec()
     if not pad.tags:
         raise UsageError("the pad has no tag to read", file=config.pad, hint="add [[tags]] to it")
+    pad = pad if config.diameter_m is None else pad.scaled(config.diameter_m)
+    low, high = BOUNDS["diameter_m"]
+    if not low <= pad.diameter_m <= high:
+        hint = f"it is in metres, {low:g} to {high:g}"
+        raise InputError(f"diameter_m = {pad.diameter_m:g} is impossible", file=config.pad, hint=hint)
     return RunFiles(
         paths,
         read_camera(config.camera, config.camera_name) if config.camera else None,
-        pad if config.diameter_m is None else pad.scaled(config.diameter_m),
+        pad,
         read_mount(config.mount) if config.mount else STRAIGHT_DOWN,
         EgoTrajectory(read_ego(ego)) if ego else None,
     )
@@ -146,7 +151,7 @@ def track(
 
 
 def _resolve(config: TrackConfig, files: RunFiles, info: SourceInfo) -> _Setup:
-    if min(info.width, info.height) < _SMALLEST_PX:
+    if min(info.width, info.height) < SMALLEST_PX:
         reason = f"its pictures of {info.width}x{info.height} pixels are too small to show a tag"
         raise InputError(reason, file=info.path, hint="give the original recording")
     notes: list[str] = []
@@ -199,7 +204,7 @@ def _ego_topic(topic: str | None, info: SourceInfo) -> EgoTrajectory | None:
 def _tag_stage(config: TrackConfig, setup: _Setup) -> TagStage:
     everything = config.tags.which == "all"
     reader = ReaderConfig.of_pad(setup.pad)
-    wanted = {**dict.fromkeys(reader.wanted), config.tags.family: None} if everything else reader.wanted
+    wanted = {**dict.fromkeys(reader.wanted), canonical_name(config.tags.family): None} if everything else reader.wanted
     reader = ReaderConfig(wanted, parse_tone(config.tags.tone), config.tags.max_hamming, config.tags.min_margin)
     return TagStage(TagReader(reader), setup.pad, setup.camera, setup.body_T_camera, everywhere=everything)
 

@@ -146,14 +146,16 @@ class ImagesSink(_Managed):
             return
         image = self._setup.overlay.draw(frame, result, self._setup.camera_T_reference(result))
         name = frame.file or f"{frame.index:06d}.png"
-        if not cv2.haveImageWriter(name):
+        kind = Path(name).suffix
+        # by suffix alone: OpenCV crashes on a name that is no UTF-8
+        if not (kind.isascii() and cv2.haveImageWriter(f"name{kind}")):
             self.notes.append(f"{name}: annotated as PNG, its own kind cannot be written")
-            name += ".png"
+            kind = ".png"
+            name += kind
         path = self._folder / name
-        suffix = Path(name).suffix
         # given to another kind of image, OpenCV warns on stderr for every picture
-        options = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY] if suffix.lower() in (".jpg", ".jpeg") else []
-        done, data = cv2.imencode(suffix, image, options)
+        options = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY] if kind.lower() in (".jpg", ".jpeg") else []
+        done, data = cv2.imencode(kind, image, options)
         if not done:
             raise OutputError("cannot be encoded", file=self._setup.folder / ANNOTATED_IMAGES / name)
         path.parent.mkdir(parents=True, exist_ok=True)

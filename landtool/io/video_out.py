@@ -20,8 +20,9 @@ from landtool.errors import OutputError, UsageError
 from landtool.types import Image
 
 NS = 1_000_000_000
-FINE = Fraction(1, 1_000_000)  # for clocks an MP4 cannot hold: at most 0.5 us off, and 71 minutes between two pictures
-MAX_TIMESCALE = 10_000_000  # an MP4 keeps the ticks between two pictures in 32 bits: 7 minutes at this scale
+FINE = Fraction(1, 1_000_000)  # for clocks an MP4 cannot hold: at most 0.5 us off, and 35 minutes between two pictures
+MAX_TIMESCALE = 10_000_000  # 3.5 minutes between two pictures
+MAX_STEP = 2**31 - 1  # ticks between two pictures: what FFmpeg lets an MP4 hold
 KEY_FRAME_S = 2  # seconds between key frames: what a seek costs, and what a killed recording may lose
 BT709, LIMITED = 1, 1  # ITU-T H.273 codes
 FRAME_DURATION = 1 << 8  # AV_CODEC_FLAG_FRAME_DURATION: packets last as long as their pictures
@@ -39,7 +40,8 @@ class VideoWriter:
     start included. None for a clock in nanoseconds (MCAP): times count from the first picture in microseconds, each
     at most 0.5 us off. fps: for pictures without times only; picture n is at n / fps.
     `notes` says what could not be kept: a start before zero moves to zero, a time not after the one before moves to
-    the next tick, a picture of another size is scaled to fit. Raises UsageError for pictures without times and no
+    the next tick, a gap longer than `MAX_STEP` ticks (a clock that was set on the way) is closed, a picture of another
+    size is scaled to fit. Raises UsageError for pictures without times and no
     fps, OutputError when encoding or writing fails. Not atomic by itself: give it a temporary path.
     """
 
@@ -52,6 +54,7 @@ class VideoWriter:
         self.written = 0
         self.bumped = 0
         self.resized = 0
+        self.closed_s = Fraction(0)  # the gaps that were closed, together
         self._base = 1 / fps if fps is not None else time_base
         self.time_base = self._base if self._base and self._base.denominator <= MAX_TIMESCALE else FINE
         self._origin: Fraction | None = None  # seconds taken off every time
@@ -75,6 +78,8 @@ class VideoWriter:
             notes.append("an odd side was padded by one pixel, as H.264 players need it even")
         if self.bumped:
             notes.append(f"{self.bumped} pictures not later than the one before were moved to the next tick")
+        if self.closed_s:
+            notes.append(f"{float(self.closed_s):.9g} s without a picture do not fit an MP4 and were left out of it")
         if self.resized:
             notes.append(f"{self.resized} pictures of another size were scaled to {self.width}x{self.height}")
         return notes
@@ -138,7 +143,11 @@ class VideoWriter:
         if self._origin is None:
             # An epoch clock starts at its first picture. MP4 holds a later start, but none before zero.
             self._origin = time_s if self._base is None else min(time_s, Fraction(0))
-        pts = round((time_s - self._origin) / self.time_base)
+        pts = round((time_s - self._origin - self.closed_s) / self.time_base)
+        if self._held is not None and pts - self._held[1] > MAX_STEP:
+            left_out = pts - self._held[1] - self._step
+            self.closed_s += left_out * self.time_base
+            pts -= left_out
         if self._held is not None and pts <= self._held[1]:
             self.bumped += 1
             pts = self._held[1] + 1

@@ -166,8 +166,8 @@ def test_own_poses_of_another_time_are_said(track: Track, here: Path) -> None:
 
 def test_all_tags_are_read_when_asked(track: Track, here: Path) -> None:
     (here / "pad.toml").write_text(PadSpec(tags=(PadTag(id=7),)).to_toml())
-    for which, count in (("pad", 0), ("all", COUNT)):
-        told = track("clip.mp4", *CAM, "--pad", "pad.toml", "--tags", which, "-o", which)
+    for which, family, count in (("pad", [], 0), ("all", ["--family", "36h11"], COUNT)):
+        told = track("clip.mp4", *CAM, "--pad", "pad.toml", "--tags", which, *family, "-o", which)
         assert (told.code, told.err) == (0, "")
         assert read_table(here / which / "clip/tags.csv").ints("tag_id") == [5] * count
         assert len(places(here / which / "clip")) == 0
@@ -254,9 +254,12 @@ def test_the_program_writes_the_same_tables_as_the_call(track: Track, here: Path
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux takes any bytes for a name")
-def test_a_name_that_is_no_text_is_read(here: Path) -> None:
+def test_a_name_that_is_no_text_is_read(landing: Landing, here: Path) -> None:
     name = b"cl\xff p.mp4"
     (here / os.fsdecode(name)).write_bytes((here / "clip.mp4").read_bytes())
-    done = program(name, *CAM, "-o", "out")
+    folder = landing.images(here / "shots", 2)
+    (folder / "img0.png").rename(folder / os.fsdecode(b"img\xff.png"))
+    done = program(name, "shots", *CAM, "-o", "out")
     assert (done.returncode, done.stderr) == (0, b"")
     assert (here / "out" / os.fsdecode(b"cl\xff p") / "annotated.mp4").is_file()
+    assert (here / "out/shots/annotated" / os.fsdecode(b"img\xff.png")).is_file()

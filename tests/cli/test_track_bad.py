@@ -177,6 +177,12 @@ BAD: dict[str, tuple[Make, str, int, str]] = {
         1,
         "pad.toml: unknown key 'diamter_m'; nearest known key is 'diameter_m'",
     ),
+    "pad of a kilometre": (
+        file("pad.toml", "diameter_m = 1e3\n"),
+        f"clip.mp4 {CAM} --pad pad.toml",
+        1,
+        "pad.toml: diam",
+    ),
     "settings with an unknown key": (
         file("run.toml", "[tracker]\nhorizon = 1\n"),
         f"clip.mp4 {CAM} --config run.toml",

@@ -94,6 +94,15 @@ def test_a_negative_start_moves_to_zero_and_differences_stay(tmp_path: Path) -> 
     assert "-0.166666667 s" in writer.notes[0]
 
 
+def test_a_clock_set_on_the_way_closes_the_gap(tmp_path: Path) -> None:
+    """A recorder that starts at 1970 and then learns the time of day."""
+    late_ns = 1_700_000_000 * 10**9
+    times_ns = [0, 33_000_000, 66_000_000, late_ns, late_ns + 40_000_000]
+    writer = _write(tmp_path / "o.mp4", times_ns, None)
+    assert [frame.t_ns for frame in _read(tmp_path / "o.mp4")] == [0, 33_000_000, 66_000_000, 99_000_000, 139_000_000]
+    assert "1.7e+09 s without a picture do not fit an MP4 and were left out of it" in writer.notes
+
+
 def test_repeated_and_backward_times_move_to_the_next_tick(tmp_path: Path) -> None:
     times_ns = [0, 33_000_000, 33_000_000, 20_000_000, 100_000_000]
     writer = _write(tmp_path / "o.mp4", times_ns, Fraction(1, 1000))
