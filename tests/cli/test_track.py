@@ -238,6 +238,22 @@ def test_several_inputs_and_one_that_fails(track: Track, landing: Landing, here:
     assert "shots: out/shots\n" in told.out
 
 
+def test_a_bug_in_one_input_does_not_cost_the_others(
+    track: Track, landing: Landing, here: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    landing.images(here / "shots", 2)
+
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("landtool.io.images.read_picture", broken)
+    told = track("shots", "clip.mp4", *CAM, "-o", "out", "--save", "csv")
+    assert told.code == 3
+    bug = "internal error: ZeroDivisionError; run again with --debug to see where"
+    assert told.lines == [f"landtool: error: shots: {bug}"]
+    assert told.out.startswith("clip.mp4: out/clip\n")
+
+
 def program(*args: str | bytes) -> subprocess.CompletedProcess[bytes]:
     start = [sys.executable, "-c", "from landtool_cli.main import main; main()", "track", *args]
     strict = os.environ | {"PYTHONIOENCODING": "utf-8:strict"}

@@ -16,6 +16,7 @@ from landtool.tracking.tracker import BOUNDS
 from landtool_cli import options
 from landtool_cli.batch import batch_exit_code, output_folders
 from landtool_cli.console import Console, pass_console
+from landtool_cli.explain import explain
 
 TRACKER = {
     "horizon": ("horizon_s", "S", "How far ahead the platform's place is predicted.  [default: 0.5]"),
@@ -82,11 +83,12 @@ def command(
         console.file = path
         try:
             outcome = _track_one(console, path, folder, settings, files, overwrite)
-        except LandtoolError as error:
+        except Exception as error:  # whatever it is, it must not cost the other inputs
             if len(inputs) == 1:
                 raise
-            console.error(str(error))
-            failures.append(error)
+            text, _ = explain(error, console)
+            console.error(text)
+            failures.append(error if isinstance(error, LandtoolError) else LandtoolError(text))
             continue
         codes.append(outcome.exit_code)
         _tell(console, path, outcome)
