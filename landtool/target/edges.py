@@ -32,13 +32,14 @@ _LEAST_FALL = 0.25  # of the strongest edges' fall; a weaker one is a shadow's, 
 class Edges:
     """Measured edges.
 
-    points_m: (N, 3) pad frame. normals: (N, 2) unit vectors in the image, into the dark side. offsets_px: (N,) how
-    far along the normal the edge lies from where the pose has it. share: of the edges in the picture that were seen.
+    normals: (N, 2) unit vectors in the image, into the dark side. offsets_px: (N,) how far along the normal the edge
+    lies from where the pose has it. jacobian: (N, 6) how far the pose's own edge moves along the normal, in pixels,
+    by a left perturbation (dt, dw) of the pose. share: of the edges in the picture that were seen.
     """
 
-    points_m: Array
     normals: Array
     offsets_px: Array
+    jacobian: Array
     share: float
 
 
@@ -50,7 +51,7 @@ def measure_edges(image: Image, camera: Camera, camera_T_pad: Pose, pad: PadSpec
     points, inward, stroke_m = _printed(pad)
     if not len(points):
         return None
-    places, normals = _projected(camera, camera_T_pad, points, inward)
+    places, normals, jacobian = _projected(camera, camera_T_pad, points, inward)
     stroke_px = stroke_m * min(camera.fx, camera.fy) / camera_T_pad.translation[2]
     reach = min(_REACH_PX, _STEP_PX * np.floor(_SHARE_OF_STROKE * stroke_px / _STEP_PX))
     limit = np.array([camera.width, camera.height]) - (reach + 2.0)
@@ -62,13 +63,13 @@ def measure_edges(image: Image, camera: Camera, camera_T_pad: Pose, pad: PadSpec
     # the normal points into the dark: the edge lies where the light falls, its middle is the fall's centre
     fall = np.maximum(-np.diff(profile, axis=1), 0.0)
     total = fall.sum(axis=1)
-    seen = total > _LEAST_FALL * np.quantile(total, 0.9) + 1e-6
+    strong = np.partition(total, int(0.9 * len(total)))[int(0.9 * len(total))]
+    seen = total > _LEAST_FALL * strong + 1e-6
     middle = (distance[1:] + distance[:-1]) / 2.0
     # squared, so that the noise of the bright side, larger in linear light, does not pull the centre there
     strength = fall[seen] ** 2
     offsets = strength @ middle / strength.sum(axis=1)
-    on_pad = np.column_stack([points[inside][seen], np.zeros(int(seen.sum()))])
-    return Edges(on_pad, normals[inside][seen], offsets, float(seen.sum() / inside.sum()))
+    return Edges(normals[inside][seen], offsets, jacobian[inside][seen], float(seen.sum() / inside.sum()))
 
 
 def _profiles(image: Image, places: Array, normals: Array, distance: Array, tone: Tone) -> Array:
@@ -121,11 +122,25 @@ def _letter_edges(pad: PadSpec) -> tuple[Array, Array]:
     return points[free], normals[free]
 
 
-def _projected(camera: Camera, camera_T_pad: Pose, points: Array, inward: Array) -> tuple[Array, Array]:
-    """Return the points' pixels (N, 2) and the unit normals (N, 2) in the image; NaN for what is not in front."""
-    step = 1e-3 * float(np.abs(points).max())
-    both = np.concatenate([points, points + step * inward])
-    pixels = camera.project(camera_T_pad.apply(np.column_stack([both, np.zeros(len(both))])))
-    places, moved = np.split(pixels, 2)
-    normals = moved - places
-    return places, np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+def _projected(camera: Camera, camera_T_pad: Pose, points: Array, inward: Array) -> tuple[Array, Array, Array]:
+    """Return the points' pixels (N, 2), unit normals (N, 2) in the image, and Jacobian (N, 6) along them by (dt, dw).
+
+    NaN for what is not in front.
+    """
+    turned = points @ camera_T_pad.rotation[:, :2].T
+    seen = turned + camera_T_pad.translation
+    step = 1e-5 * float(camera_T_pad.translation[2])
+    pixels = camera.project(np.concatenate([seen, seen + (step, 0.0, 0.0), seen + (0.0, step, 0.0)]))
+    places, by_x, by_y = pixels.reshape(3, -1, 2)
+    by_x, by_y = (by_x - places) / step, (by_y - places) / step
+    # a point further out on the same ray is seen at the same place: x d/dx + y d/dy + z d/dz = 0
+    x, y, z = seen.T[:, :, None]
+    by_z = -(x * by_x + y * by_y) / z
+    nx, ny, nz = (inward @ camera_T_pad.rotation[:, :2].T).T[:, :, None]
+    normals = nx * by_x + ny * by_y + nz * by_z
+    normals /= np.sqrt((normals**2).sum(axis=1, keepdims=True))
+    gx, gy, gz = ((by * normals).sum(axis=1) for by in (by_x, by_y, by_z))
+    # dp = dt + dw x q with q = R p, and g . (dw x q) = dw . (q x g)
+    qx, qy, qz = turned.T
+    jacobian = np.column_stack([gx, gy, gz, qy * gz - qz * gy, qz * gx - qx * gz, qx * gy - qy * gx])
+    return places, normals, jacobian

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from landtool.camera import Camera
-from landtool.geometry import Array, Pose
+from landtool.geometry import Array
 from landtool.pad import PadSpec
 from landtool.tags.pose import Corners, Solution
 from landtool.target.edges import Edges, measure_edges
@@ -46,10 +45,11 @@ def refine_on_edges(image: Image, corners: Corners, start: Solution, pad: PadSpe
 
 def _step(corners: Corners, edges: Edges, now: Solution) -> tuple[Array, Solution]:
     """One Gauss-Newton step; its chi2 is that of the pose it starts from."""
-    pose, offsets = now.camera_T_pad, edges.offsets_px
-    jacobian = _jacobian(corners.camera, pose, edges)
+    pose, offsets, jacobian = now.camera_T_pad, edges.offsets_px, edges.jacobian
     # the edges' own scatter, what no pose explains, so that a wrong pose does not excuse itself
-    scatter = offsets - jacobian @ np.linalg.lstsq(jacobian, offsets, rcond=None)[0]
+    plain = jacobian.T @ jacobian
+    plain += np.diag(1e-9 * np.diag(plain) + 1e-9)  # edges in one line leave a direction open
+    scatter = offsets - jacobian @ np.linalg.solve(plain, jacobian.T @ offsets)
     sigma = max(1.4826 * float(np.median(np.abs(scatter))), _LEAST_SIGMA_PX)
     weight = np.minimum(1.0, _HUBER * sigma / np.maximum(np.abs(offsets), 1e-9)) / sigma**2
     normal, gradient, chi2 = corners.terms(pose)
@@ -57,18 +57,3 @@ def _step(corners: Corners, edges: Edges, now: Solution) -> tuple[Array, Solutio
     step = np.asarray(np.linalg.solve(normal, gradient + jacobian.T @ (weight * offsets)))
     moved, covariance = pose.perturbed(step), np.asarray(np.linalg.inv(normal))
     return step, Solution(moved, covariance, chi2 + float(weight @ offsets**2), corners.reproj_px(moved))
-
-
-def _jacobian(camera: Camera, pose: Pose, edges: Edges) -> Array:
-    """Derivative (N, 6) of the edges' places along their normals by (dt, dw), in pixels."""
-    seen = pose.apply(edges.points_m)
-    step = 1e-5 * float(pose.translation[2])
-    moved = camera.project(np.concatenate([seen, seen + (step, 0.0, 0.0), seen + (0.0, step, 0.0)]))
-    here, by_x, by_y = moved.reshape(3, -1, 2)
-    along_x = ((by_x - here) * edges.normals).sum(axis=1) / step
-    along_y = ((by_y - here) * edges.normals).sum(axis=1) / step
-    # a point further out on the same ray is seen at the same place: x d/dx + y d/dy + z d/dz = 0
-    x, y, z = seen.T
-    by_point = np.column_stack([along_x, along_y, -(x * along_x + y * along_y) / z])
-    # dp = dt + dw x q with q = R p, and g . (dw x q) = dw . (q x g)
-    return np.column_stack([by_point, np.cross(seen - pose.translation, by_point)])
