@@ -22,6 +22,7 @@ _ROUNDS = 6
 _STOP_RAD = 4e-3  # the next step would be several times smaller
 _LEAST_SHARE = 0.4  # of the edges in the picture; with fewer something covers the pad, or it is another
 _LEAST_SIGMA_PX = 0.08  # an edge is never known better: paper and print are not exact
+_MOST_SIGMA_PX = 0.4  # wider scatter is no blurred print but another picture: a tag without ring and H around it
 _HUBER = 2.0
 _MOST_CHI2 = 4.0  # a corner or edge; well above what noise gives
 
@@ -37,20 +38,25 @@ def refine_on_edges(image: Image, corners: Corners, start: Solution, pad: PadSpe
         edges = measure_edges(image, corners.camera, solution.camera_T_pad, pad, tone)
         if edges is None or edges.share < _LEAST_SHARE:
             return None
-        step, solution = _step(corners, edges, solution)
+        taken = _step(corners, edges, solution)
+        if taken is None:
+            return None
+        step, solution = taken
         if np.abs(step[3:]).max() < _STOP_RAD:
             return solution if solution.chi2 < _MOST_CHI2 * (len(edges.offsets_px) + len(corners.flat)) else None
     return None
 
 
-def _step(corners: Corners, edges: Edges, now: Solution) -> tuple[Array, Solution]:
-    """One Gauss-Newton step; its chi2 is that of the pose it starts from."""
+def _step(corners: Corners, edges: Edges, now: Solution) -> tuple[Array, Solution] | None:
+    """One Gauss-Newton step, its chi2 that of the pose it starts from; None when no pose explains the edges."""
     pose, offsets, jacobian = now.camera_T_pad, edges.offsets_px, edges.jacobian
     # the edges' own scatter, what no pose explains, so that a wrong pose does not excuse itself
     plain = jacobian.T @ jacobian
     plain += np.diag(1e-9 * np.diag(plain) + 1e-9)  # edges in one line leave a direction open
     scatter = offsets - jacobian @ np.linalg.solve(plain, jacobian.T @ offsets)
     sigma = max(1.4826 * float(np.median(np.abs(scatter))), _LEAST_SIGMA_PX)
+    if sigma > _MOST_SIGMA_PX:
+        return None
     weight = np.minimum(1.0, _HUBER * sigma / np.maximum(np.abs(offsets), 1e-9)) / sigma**2
     normal, gradient, chi2 = corners.terms(pose)
     normal = normal + jacobian.T @ (jacobian * weight[:, None])

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
 from landtool.camera import Camera
 from landtool.geometry import Pose, rotvec_from_rotation
 from landtool.pad import PadSpec
+from landtool.synth.render import encode, render_pad
 from landtool.tags.pose import Corners, Solution, pad_corners, pad_solutions
 from landtool.tags.reader import ReaderConfig, TagReader
 from landtool.target.edges import measure_edges
@@ -100,3 +102,16 @@ def test_a_pad_without_ring_and_letter_has_no_edges() -> None:
     camera_T_pad = Pose(view(2.0, 5.0, 1.0, 0.5).rotation, np.array([0.0, 0.0, 2.0]))
     image = photograph(camera_T_pad, np.random.default_rng(0), pad=bare)
     assert measure_edges(image, CAMERA, camera_T_pad, bare, "srgb") is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_bare_tag_on_a_busy_ground_is_left_to_itself(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    bare = PadSpec(board=None, ring=None, letter=None)
+    camera_T_pad = view(3.5, 8.0, rng.uniform(0, 6.28), rng.uniform(0, 6.28))
+    clutter = cv2.GaussianBlur(rng.uniform(0.0, 1.0, (480, 640, 3)).astype(np.float32), (0, 0), 2.0)
+    clutter = np.clip((clutter - 0.5) * 6.0 + 0.4, 0.0, 1.0)
+    scene = render_pad(CAMERA, camera_T_pad, bare, background=clutter)
+    image = encode(0.8 * scene, blur_sigma_px=0.6, noise_sigma=3.0, rng=rng)
+    corners, solutions = solved(image)
+    assert refine_on_edges(image, corners, solutions[0], PAD, "srgb") is None
