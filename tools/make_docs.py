@@ -23,6 +23,10 @@ import click
 from landtool import config
 from landtool.config import TrackConfig
 from landtool.families import tag_family
+from landtool.io.mcap_decoders import VIDEO_CODECS
+from landtool.io.mcap_messages import CALIBRATION_PARSERS, IMAGE_PARSERS
+from landtool.io.mcap_pixels import LAYOUTS
+from landtool.io.mcap_poses import POSE_PARSERS
 from landtool.pad import PadSpec
 from landtool.tracking import tracker
 from landtool_cli.main import COMMANDS, cli
@@ -114,7 +118,10 @@ def common_options() -> str:
     assert command is not None
     options = {p.name: p for p in command.params if isinstance(p, click.Option)}
     rows = [(f"`{_names(options[n])}`", _meaning(options[n])) for n in _COMMON if n in options]
-    rows += [("`-h, --help`", "Show the help of landtool or of a command."), ("`--version`", "Print the version.")]
+    rows += [
+        ("`-h, --help`", "Show the help of landtool or of a command."),
+        ("`--version`", "Print the version; only `landtool --version`."),
+    ]
     return _table(("option", "meaning"), rows)
 
 
@@ -236,7 +243,10 @@ def _exists(name: str) -> bool:
 def pad_table() -> str:
     """Give the sizes of pad v1, as parts of D and in mm."""
     pad = PadSpec()
-    assert pad.board and pad.ring and pad.letter and pad.quiet_zone
+    assert pad.board is not None
+    assert pad.ring is not None
+    assert pad.letter is not None
+    assert pad.quiet_zone is not None
     tag = pad.tags[0]
     sizes = [
         ("board", "square, side", pad.board.side, pad.board.color),
@@ -263,6 +273,27 @@ def tag_picture() -> str:
     return "```text\n" + "\n".join("".join(".#"[not white] for white in row) for row in rows) + "\n```"
 
 
+def log_messages() -> str:
+    """List the message types that are read from MCAP logs."""
+    roles = (("pictures", IMAGE_PARSERS), ("calibration", CALIBRATION_PARSERS), ("the drone's poses", POSE_PARSERS))
+    rows = []
+    for role, parsers in roles:
+        for name in dict.fromkeys(name for name, _ in parsers):
+            encodings = ", ".join(encoding for other, encoding in parsers if other == name)
+            rows.append((role, f"`{name.replace('/', '/msg/')}`", encodings))
+    return _table(("for", "message type", "encoded as"), rows)
+
+
+def raw_encodings() -> str:
+    """List the pixel encodings of raw images."""
+    return " ".join(f"`{name}`" for name in LAYOUTS)
+
+
+def video_codecs() -> str:
+    """List the formats of a video in a log."""
+    return " ".join(f"`{name}`" for name in VIDEO_CODECS)
+
+
 def _table(head: tuple[str, ...], rows: typing.Iterable[tuple[str, ...]]) -> str:
     lines = [head, tuple("---" for _ in head), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
@@ -276,6 +307,9 @@ PARTS: dict[str, Callable[[], str]] = {
     "import order": import_order,
     "pad": pad_table,
     "tag": tag_picture,
+    "log messages": log_messages,
+    "raw encodings": raw_encodings,
+    "video codecs": video_codecs,
 }
 
 
