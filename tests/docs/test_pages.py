@@ -171,3 +171,18 @@ def test_drawings_are_fresh(name: str, draw: str) -> None:
     assert stored is not None
     # the stored one has a palette, and machines round differently
     assert np.abs(stored.astype(int) - drawn).mean() < 2.0, "run python tools/make_docs.py --pictures"
+
+
+def test_messages_quoted_are_the_programs_own() -> None:
+    source = "".join(
+        path.read_text(encoding="utf-8") for top in ("landtool", "cli") for path in (ROOT / top).rglob("*.py")
+    )
+    text = (DOCS / "troubleshooting.md").read_text(encoding="utf-8")
+    text = re.sub(r"^```.*?^```$", "", text, flags=re.MULTILINE | re.DOTALL)  # examples are run
+    quoted = [" ".join(q.split()) for q in re.findall(r"`([^`]+)`", text)]
+    messages = [q for q in quoted if " " in q and not q.startswith(("landtool ", "--", "mcap "))]
+    messages += [message for row in rows(text) for message in row[0].split(" / ")]
+    assert len(messages) > 10
+    for message in messages:
+        for part in message.split("..."):
+            assert part.strip() in source, message
