@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -133,9 +133,11 @@ def track(
             camera_T_reference=lambda result: tracker.camera_T_reference(result.t_ns),
         )
         summary = Summary(setup.camera)
-        results = process(prefetch(iter(source), _AHEAD), tags=_tag_stage(config, setup), tracker=tracker)
+        frames = stack.enter_context(closing(prefetch(iter(source), _AHEAD)))
+        results = process(frames, tags=_tag_stage(config, setup), tracker=tracker)
+        ahead = stack.enter_context(closing(prefetch(results, _AHEAD)))
         with open_sinks(config.save, sink_setup) as sinks:
-            written = write_all(summary.watch(prefetch(iter(results), _AHEAD)), sinks, on_frame)
+            written = write_all(summary.watch(ahead), sinks, on_frame)
         said = (*setup.notes, *source.info.notes, *source.report.notes, *(n for s in sinks for n in s.notes))
         outcome = RunOutcome(
             folder,

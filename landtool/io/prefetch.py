@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 from queue import Empty, Queue
 from threading import Event, Thread
@@ -18,12 +18,13 @@ class _End:
     error: BaseException | None = None
 
 
-def prefetch(items: Iterator[T], depth: int) -> Iterator[T]:
+def prefetch(items: Iterator[T], depth: int) -> Generator[T, None, None]:
     """Yield the items in order while up to `depth` more are made ready in a background thread.
 
     An exception of the inner iterator is raised here at its place. When the consumer stops early (closes this
     generator, or raises), the thread ends and the inner iterator is closed before control returns.
-    The thread starts with the first item asked for.
+    The thread starts with the first item asked for. Close it (`contextlib.closing`) where the consumer may fail: left
+    to the garbage collector, the thread goes on reading, and may be the one that collects it.
     """
     if depth < 1:
         raise ValueError(f"depth is {depth}, must be at least 1")

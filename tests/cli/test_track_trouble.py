@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -162,6 +163,7 @@ def test_a_write_that_fails(number: int, track: Track, here: Path, monkeypatch: 
     assert told.code == 1
     assert told.err.startswith(f"landtool: error: out/clip/frames.csv: cannot be written: {os.strerror(number)}; ")
     assert told.err.count("\n") == 1
+    assert [thread.name for thread in threading.enumerate() if "prefetch" in thread.name] == []
     assert snapshot(here) == before
 
 
