@@ -50,10 +50,18 @@ def tracker_options(function: Any) -> Any:
 @click.option("--family", "tags__family", metavar="NAME", help=f"For --tags all: {', '.join(FAMILIES)}.")
 @click.option("--tone", "tags__tone", metavar="srgb|none|GAMMA", help="Tone curve of the pictures.  [default: srgb]")
 @click.option("--max-hamming", "tags__max_hamming", type=click.IntRange(0, 2), help="Corrected bits.  [default: 1]")
-@click.option("--min-margin", "tags__min_margin", type=options.FiniteRange(0, 255), help="Of a tag's bits.")
+@click.option(
+    "--min-margin",
+    "tags__min_margin",
+    type=options.FiniteRange(0, 255),
+    help="Least mean distance of a tag's bits from their threshold, grey levels.  [default: 20]",
+)
 @tracker_options
 @click.option(
-    "--measurement", "tracker__measurement", type=click.Choice(["position", "paper"]), help="What the filter is given."
+    "--measurement",
+    "tracker__measurement",
+    type=click.Choice(["position", "paper"]),
+    help="What the filter is given: positions, or also velocities made of two of them.  [default: position]",
 )
 @click.option("--save", metavar="LIST", help=f"Outputs, of {', '.join(SAVES)}.  [default: {','.join(SAVES)}]")
 @options.config
