@@ -30,7 +30,7 @@ _MAX_SEARCH_PIXELS = 1_600_000
 # correction and look like their tag.
 _STRICT_BELOW_DISTANCE = 10
 _MIN_CORRELATION = 0.7
-_MIN_CORRELATION_STRICT = 0.85
+_MIN_CORRELATION_STRICT = 0.9
 _MIN_DISTANCE = {"tag36h11": 11, "tag25h9": 9, "tag16h5": 5, "tagStandard41h12": 12, "tagCustom48h12": 12}
 # Standard deviation of AprilTag's own corners, kept when a sure tag cannot be registered.
 _UNREGISTERED_PX = 0.3
