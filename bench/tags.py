@@ -195,8 +195,8 @@ def _picture(path: Path) -> Image:
 def _aprilrobotics() -> None:
     photos = []
     for path in sorted((TAGS / "aprilrobotics").glob("*.jpg")):
-        listed = [re.findall(r"[-\d.]+", line) for line in path.with_suffix(".txt").read_text().splitlines() if line]
-        photos.append((_picture(path), [(int(n[0]), np.array(n[1:9], float).reshape(4, 2) - 0.5) for n in listed]))
+        numbers = [re.findall(r"[-\d.]+", line) for line in path.with_suffix(".txt").read_text().splitlines() if line]
+        photos.append((_picture(path), [(int(n[0]), np.array(n[1:9], float).reshape(4, 2) - 0.5) for n in numbers]))
     rows = []
     for name, way in _every_way().items():
         read, more, apart = 0, 0, []
