@@ -25,6 +25,7 @@ from landtool.types import Image, TagObservation
 _SEARCH_MODULE_PX = 3.2
 _SMALLEST_SCALE, _LARGEST_SCALE = 0.2, 2.5
 _FRAME_SCALE = 1.5
+_SMALLEST_PX = 8  # of a side: the AprilTag library crashes on two pixels
 _MAX_SEARCH_PIXELS = 1_600_000
 # Families whose codes differ in few bits are matched by chance in any texture: they must be read without a
 # correction and look like their tag.
@@ -85,6 +86,8 @@ class TagReader:
 
     def read_frame(self, image: Image) -> tuple[TagObservation, ...]:
         """Search the whole picture; the second look is left out once every wanted tag was read."""
+        if min(image.shape[:2]) < _SMALLEST_PX:
+            return ()
         grey = _grey(image)
         scale = _FRAME_SCALE if grey.size * _FRAME_SCALE**2 <= _MAX_SEARCH_PIXELS else 1.0
         found: list[_Decoded] = []
@@ -100,7 +103,7 @@ class TagReader:
         The second look is taken only when the first one shows nothing.
         """
         cut = image[region.y0 : region.y1, region.x0 : region.x1]
-        if min(cut.shape[:2]) < 8:
+        if min(cut.shape[:2]) < _SMALLEST_PX:
             return ()
         grey = _grey(cut)
         scale = min(max(_SEARCH_MODULE_PX / region.module_px, _SMALLEST_SCALE), _LARGEST_SCALE)
