@@ -2,9 +2,7 @@ from __future__ import annotations
 
 import errno
 import os
-import resource
 import stat
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,6 +10,7 @@ import pytest
 from landtool.errors import InputError, OutputError, OutputExistsError, UsageError
 from landtool.io import atomic
 from landtool.io.atomic import TEMPORARY_PREFIX, atomic_folder, atomic_path, refuse_input_as_output
+from tests.limits import files_of_at_most
 
 
 def names(folder: Path) -> list[str]:
@@ -110,33 +109,23 @@ class TestFile:
         assert names(tmp_path) == []
 
 
-@pytest.fixture
-def files_of_at_most_4096_bytes() -> Iterator[None]:
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-
-
 class TestFailingDisk:
-    @pytest.mark.usefixtures("files_of_at_most_4096_bytes")
     def test_a_write_that_does_not_fit(self, tmp_path: Path) -> None:
         with (
             pytest.raises(OutputError, match=r"a\.bin: cannot be written: File too large; ") as caught,
             atomic_path(tmp_path / "new" / "a.bin") as temporary,
+            files_of_at_most(4096),
         ):
             temporary.write_bytes(bytes(10_000))
         assert caught.value.exit_code == 1
         assert names(tmp_path) == []
 
-    @pytest.mark.usefixtures("files_of_at_most_4096_bytes")
     def test_inside_a_folder_names_the_file_as_it_would_be_called(self, tmp_path: Path) -> None:
         with (
             pytest.raises(OutputError) as caught,
             atomic_folder(tmp_path / "run") as folder,
             atomic_path(folder / "a.bin") as temporary,
+            files_of_at_most(4096),
         ):
             temporary.write_bytes(bytes(10_000))
         assert caught.value.file == str(tmp_path / "run" / "a.bin")

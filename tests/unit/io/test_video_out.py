@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import resource
 import subprocess
 import sys
 from fractions import Fraction
@@ -16,6 +15,7 @@ from landtool.io.video_clock import ticks_to_ns
 from landtool.io.video_out import VideoWriter
 from landtool.types import Frame
 from tests.conftest import HEIGHT, WIDTH, picture, pictured
+from tests.limits import files_of_at_most
 from tests.shared import ROOT, shared_data
 
 VARIABLE = [0, 1, 3, 4, 9, 10, 30, 31, 33, 60]  # multiples of a step
@@ -209,13 +209,8 @@ def _write_noise(path: Path) -> None:
 
 
 def test_a_full_disk_is_said_in_one_line(tmp_path: Path) -> None:
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, hard))
-    try:
-        with pytest.raises(OutputError, match=r"o\.mp4: cannot be written \(.*\); "):
-            _write_noise(tmp_path / "o.mp4")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    with pytest.raises(OutputError, match=r"o\.mp4: cannot be written \(.*\); "), files_of_at_most(30_000):
+        _write_noise(tmp_path / "o.mp4")
 
 
 def test_a_place_that_cannot_be_written_is_said(tmp_path: Path) -> None:
