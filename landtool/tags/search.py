@@ -51,6 +51,25 @@ class TagSearch:
             return None
         return Region(int(x0), int(y0), int(x1), int(y1), self._last.module_px)
 
+    def ours(self, frame: int, observations: Sequence[TagObservation]) -> tuple[TagObservation, ...]:
+        """Return one observation of each tag of the pad.
+
+        Where a tag is seen twice, as with two pads in view, the one nearer to the predicted place is ours; with
+        nothing known the larger, which is the closer pad.
+        """
+        low, high = self._predicted(frame) if self._last is not None else (None, None)
+
+        def strangeness(seen: TagObservation) -> float:
+            if low is None or high is None:
+                return -module_px(seen.corners_px, seen.family)
+            return float(np.linalg.norm(seen.corners_px.mean(axis=0) - (low + high) / 2.0))
+
+        found: dict[tuple[str, int], TagObservation] = {}
+        for seen in sorted(observations, key=strangeness):
+            if any((tag.family, tag.id) == (seen.family, seen.tag_id) for tag in self._pad.tags):
+                found.setdefault((seen.family, seen.tag_id), seen)
+        return tuple(found.values())
+
     def saw(self, frame: int, observations: Sequence[TagObservation]) -> None:
         """Take in what was read in picture number `frame`; after too many misses nothing is known any more."""
         sighting = self._sighting(frame, observations)

@@ -51,9 +51,12 @@ class TagStage:
         region = None if self._everywhere else self._search.region(frame.index, width, height)
         reader = self._reader
         tags = reader.read_region(frame.image, region) if region else reader.read_frame(frame.image)
-        self._search.saw(frame.index, tags)
+        ours = self._search.ours(frame.index, tags)
+        self._search.saw(frame.index, ours)
         search: Search = "frame" if region is None else "region"
-        pose, reason = self._pose(tags, frame, world_T_body)
+        pose, reason = self._pose(ours, frame, world_T_body)
+        if tags and not ours:
+            reason = "no tag of the pad read"
         return TagReading(tags, pose, search, reason)
 
     def _pose(
@@ -66,7 +69,7 @@ class TagStage:
             return None, f"picture of {width}x{height}, calibration for {self._camera.width}x{self._camera.height}"
         corners = pad_corners(tags, self._camera, self._pad)
         if corners is None:
-            return None, "no tag of the pad read"
+            return None, "the tag lies outside what the lens model covers"
         solutions = self._refined(frame.image, corners, pad_solutions(corners))
         if not solutions:
             return None, "no pose explains the tag's corners"

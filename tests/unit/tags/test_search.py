@@ -66,3 +66,15 @@ def test_one_tag_of_several_leads_to_all() -> None:
     assert region is not None
     # tag 4 is 0.5 D to the right, 0.5 / 0.16 tag sides away
     assert region.x1 > 120 + 0.5 / 0.16 * 40 + 20
+
+
+def test_of_two_pads_the_closer_is_taken_and_then_kept() -> None:
+    search = TagSearch(PadSpec())
+    near, far = seen(100, 100, side=40), seen(400, 300, side=30)
+    assert search.ours(0, [far, near]) == (near,)
+    search.saw(0, [far])
+    assert search.ours(1, [near, far]) == (far,)
+
+
+def test_only_the_pads_own_tags_are_ours() -> None:
+    assert TagSearch(PadSpec()).ours(0, [seen(100, 100, tag_id=9)]) == ()
