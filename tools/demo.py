@@ -54,7 +54,7 @@ def compared(folder: Path, truth_file: Path) -> list[str]:
     missed = np.linalg.norm(ahead[known] - in_world[later[known]], axis=1)
     return [
         f"against the truth: pose error {100 * np.median(error):.3f} % of the distance (median of {len(at)})",
-        f"track error {_rms(off):.3f} m RMS; half a second ahead {_rms(missed):.3f} m RMS",
+        f"track error {1e3 * _rms(off):.1f} mm RMS; half a second ahead {1e3 * _rms(missed):.0f} mm RMS",
     ]
 
 
