@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -66,7 +67,7 @@ class Sink(Protocol):
         ...
 
 
-class _Managed:
+class _Managed(ABC):
     """The context of a sink: `_open` enters what it needs into the stack, which unwinds when the sink is left."""
 
     def __init__(self, setup: SinkSetup) -> None:
@@ -83,8 +84,9 @@ class _Managed:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
         self._stack.__exit__(kind, error, tb)
 
+    @abstractmethod
     def _open(self, stack: ExitStack) -> None:
-        raise NotImplementedError
+        """Open what the sink writes to, and leave its closing to `stack`."""
 
 
 class CsvSink(_Managed):
