@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import _thread
 import difflib
 import importlib
 import io
 import os
 import signal
 import sys
+import threading
 import traceback
 import warnings
 from types import FrameType
@@ -111,8 +113,27 @@ def main() -> NoReturn:
     # (a third of the speed of `track`). Must stand before numpy is imported; whoever sets it keeps their choice.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     signal.signal(signal.SIGTERM, _terminate)
+    _watch_interrupts()
     _silence_libraries()
     sys.exit(run(sys.argv[1:]))
+
+
+def _watch_interrupts() -> None:
+    """Turn Ctrl-C into KeyboardInterrupt whatever a library does to the signal's handler.
+
+    AprilTag's binding puts the system's own handler in place while it searches, in which a Ctrl-C would kill the
+    program with its temporary files left behind. Blocked in every thread, the signal waits for the one that takes it.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        return
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
+    def take() -> None:
+        while True:
+            signal.sigwait({signal.SIGINT})
+            _thread.interrupt_main()
+
+    threading.Thread(target=take, name="interrupts", daemon=True).start()
 
 
 def run(args: list[str]) -> int:
