@@ -132,7 +132,7 @@ def track(
             time_base=source.info.time_base,
             camera_T_reference=lambda result: tracker.camera_T_reference(result.t_ns),
         )
-        summary = Summary(setup.camera)
+        summary = Summary(setup.camera, setup.pad)
         frames = stack.enter_context(closing(prefetch(iter(source), _AHEAD)))
         results = process(frames, tags=_tag_stage(config, setup), tracker=tracker)
         ahead = stack.enter_context(closing(prefetch(results, _AHEAD)))

@@ -8,8 +8,11 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from landtool.camera import Camera
+from landtool.pad import PadSpec
 from landtool.types import Frame, FrameResult, LostFrame
 
+# A corner further off than this was not misread by noise
+_MISFIT_PX = 3.0
 Results = Iterable[tuple[Frame | LostFrame, FrameResult]]
 
 
@@ -18,13 +21,15 @@ class Summary:
 
     frames, posed (with a pose), tags (read, all ids), flips_rejected (the better fit was not believed), states
     (frames by the best track's state), distance_m (first, least), longest_gap_s (between poses, after the first).
-    unmeasured: pictures of another size than the camera's. unplaced: poses at whose time the drone's own is not known.
+    misfits: poses whose corners lie far from their places. unmeasured: pictures of another size than the camera's.
+    unplaced: poses at whose time the drone's own is not known.
     """
 
-    def __init__(self, camera: Camera) -> None:
+    def __init__(self, camera: Camera, pad: PadSpec) -> None:
+        self._pad = pad
         self.assumed = camera.assumed
         self._size = camera.width, camera.height
-        self.unmeasured = self.unplaced = 0
+        self.unmeasured = self.unplaced = self.misfits = 0
         self.frames = self.posed = self.tags = self.flips_rejected = 0
         self.states: Counter[str] = Counter()
         self.first_distance_m: float | None = None
@@ -49,6 +54,7 @@ class Summary:
         self.posed += 1
         self.unplaced += "own pose is not known" in result.reason
         self.flips_rejected += result.pose.better_fit_rejected
+        self.misfits += result.pose.reproj_px > _MISFIT_PX
         distance = float(np.linalg.norm(result.pose.camera_T_pad.translation))
         self.first_distance_m = distance if self.first_distance_m is None else self.first_distance_m
         self.least_distance_m = min(distance, self.least_distance_m or distance)
@@ -61,8 +67,10 @@ class Summary:
         """Return the summary as text, a fact a line."""
         said = [f"frames {self.frames}, pad measured in {self.posed}, tags read {self.tags}"]
         if self.first_distance_m is not None and self.least_distance_m is not None:
-            said.append(f"first seen at {self.first_distance_m:.2f} m, closest {self.least_distance_m:.2f} m")
-            said.append(f"longest gap {self.longest_gap_s:.2f} s, mirror poses rejected {self.flips_rejected}")
+            size = f"with the pad's D = {self._pad.diameter_m:g} m"
+            said.append(f"first seen at {self.first_distance_m:.2f} m, closest {self.least_distance_m:.2f} m, {size}")
+            gap = "" if self._last_pose_ns is None else f"longest gap {self.longest_gap_s:.2f} s, "
+            said.append(f"{gap}mirror poses rejected {self.flips_rejected}")
         share = ", ".join(f"{state} {count}" for state, count in sorted(self.states.items()))
         said.append(f"track, frames by state: {share or 'none'}")
         if self.assumed:
@@ -72,6 +80,14 @@ class Summary:
     def notes(self) -> list[str]:
         """Return what makes the results less than they seem, one sentence each."""
         said = []
+        if self.tags and not self.posed:
+            said.append("tags were read, but none gave a pose of the pad; frames.csv says why")
+        elif self.frames and not self.posed:
+            wanted = ", ".join(f"{tag.family} {tag.id}" for tag in self._pad.tags)
+            said.append(f"the pad's tags ({wanted}) were read nowhere; --pad names another, --tags all reads every tag")
+        if self.misfits:
+            place = f"in {self.misfits} of {self.posed} poses the corners lie over {_MISFIT_PX:g} px from their places"
+            said.append(f"{place}; check the pad's layout and the calibration")
         if self.unmeasured:
             width, height = self._size
             said.append(

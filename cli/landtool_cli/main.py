@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import _thread
 import difflib
 import importlib
 import io
@@ -127,11 +126,13 @@ def _watch_interrupts() -> None:
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         return
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    main_thread = threading.get_ident()
+    signal.signal(signal.SIGUSR2, signal.default_int_handler)  # a real signal, so that it ends a wait, too
 
     def take() -> None:
         while True:
             signal.sigwait({signal.SIGINT})
-            _thread.interrupt_main()
+            signal.pthread_kill(main_thread, signal.SIGUSR2)
 
     threading.Thread(target=take, name="interrupts", daemon=True).start()
 

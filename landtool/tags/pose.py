@@ -18,6 +18,7 @@ from landtool.geometry import Array, Pose, rotation_from_rotvec
 from landtool.pad import PadSpec
 from landtool.types import TagObservation
 
+_CHANCE = 5.0
 _ITERATIONS = 8
 _SAME_ANGLE_RAD = 2e-3
 _SETTLED = 1e-3  # of chi-square: the pose is within a thirtieth of its own uncertainty
@@ -140,4 +141,10 @@ def _refine(start: Pose, corners: Corners) -> Solution | None:
             break
     if not np.isfinite(chi2) or pose.translation[2] <= 0:
         return None
-    return Solution(pose, np.asarray(np.linalg.inv(normal)), chi2, corners.reproj_px(pose))
+    reproj_px = corners.reproj_px(pose)
+    if not np.isfinite(reproj_px):  # beyond what the lens model covers
+        return None
+    # corners that miss their places by far more than their noise speak of a wrong calibration or layout: the pose is
+    # as uncertain as they say (Birge's ratio); what noise does by chance in one case of a hundred is left alone
+    excess = max(1.0, chi2 / (2.0 * len(corners.pixels) - 6.0) / _CHANCE)
+    return Solution(pose, np.asarray(excess * np.linalg.inv(normal)), chi2, reproj_px)

@@ -194,7 +194,7 @@ def test_a_wrong_call_is_one_line_naming_the_nearest(
 # --- signals and streams -------------------------------------------------------------------------------------------
 
 SLOW = """
-    import sys, time, types
+    import ctypes, sys, time, types
     from pathlib import Path
     import click
     from landtool.io.atomic import atomic_path
@@ -204,6 +204,7 @@ SLOW = """
     def command():
         with atomic_path(Path(sys.argv[1]) / "out.csv") as path:
             path.write_text("half")
+            ctypes.CDLL(None).signal(2, None)  # the system's own handler, as a library may put it in place
             print("ready", flush=True)
             time.sleep(60)
 

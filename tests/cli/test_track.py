@@ -166,9 +166,15 @@ def test_own_poses_of_another_time_are_said(track: Track, here: Path) -> None:
 
 def test_all_tags_are_read_when_asked(track: Track, here: Path) -> None:
     (here / "pad.toml").write_text(PadSpec(tags=(PadTag(id=7),)).to_toml())
-    for which, family, count in (("pad", [], 0), ("all", ["--family", "36h11"], COUNT)):
+    nowhere, without_pad = "(tag36h11 7) were read nowhere; --pad names another", "none gave a pose of the pad"
+    for which, family, count, said in (
+        ("pad", [], 0, nowhere),
+        ("all", ["--family", "36h11"], COUNT, without_pad),
+    ):
         told = track("clip.mp4", *CAM, "--pad", "pad.toml", "--tags", which, *family, "-o", which)
-        assert (told.code, told.err) == (0, "")
+        assert told.code == 0
+        assert said in told.err
+        assert told.err.count("\n") == 1
         assert read_table(here / which / "clip/tags.csv").ints("tag_id") == [5] * count
         assert len(places(here / which / "clip")) == 0
 
