@@ -137,6 +137,15 @@ class Camera:
             camera = camera._rotated_once()
         return camera
 
+    def of_turned(self, quarter_turns: int, width: int, height: int) -> Camera:
+        """Return the camera of width x height pictures that were turned clockwise on reading.
+
+        A calibration that has the size of pictures turned on their side was made from them, and is returned as it is.
+        """
+        if quarter_turns % 2 and (self.width, self.height) == (width, height):
+            return self
+        return self.rotated(quarter_turns)
+
     def _rotated_once(self) -> Camera:
         # pixel (u, v) moves to (H - 1 - v, u), so the new axes are x' = -y, y' = x
         d = list(self.distortion)

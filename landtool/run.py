@@ -180,12 +180,12 @@ def _camera(config: TrackConfig, given: Camera | None, info: SourceInfo, notes: 
 
 
 def _turned(camera: Camera, info: SourceInfo, notes: list[str]) -> Camera:
-    if info.quarter_turns % 2 and (camera.width, camera.height) == (info.width, info.height):
+    turned = camera.of_turned(info.quarter_turns, info.width, info.height)
+    if info.quarter_turns and turned is camera:
         notes.append("the calibration has the size of the turned pictures and is taken as theirs")
-        return camera
-    if info.quarter_turns:
+    elif info.quarter_turns:
         notes.append(f"the pictures are turned by {info.rotation_deg} degrees, the intrinsics with them")
-    return camera.rotated(info.quarter_turns)
+    return turned
 
 
 def _ego_topic(topic: str | None, info: SourceInfo) -> EgoTrajectory | None:

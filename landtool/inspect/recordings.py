@@ -159,9 +159,7 @@ def fitting_camera(info: SourceInfo, request: Request) -> tuple[Camera | None, I
     camera = read_camera(request.camera, request.camera_name) if request.camera else info.camera
     if camera is None:
         return None, None
-    # as in a run: made from pictures turned on their side it has their size, and fits them as it is
-    if not (info.quarter_turns % 2 and (camera.width, camera.height) == (info.width, info.height)):
-        camera = camera.rotated(info.quarter_turns)
+    camera = camera.of_turned(info.quarter_turns, info.width, info.height)
     try:
         return match_camera(camera, info.width, info.height, scale=False), None
     except InputError as error:
