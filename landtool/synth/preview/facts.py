@@ -1,0 +1,118 @@
+"""What a data set's truth.csv says of its pictures, as arrays over all of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as PilImage
+
+from landtool.errors import InputError
+from landtool.geometry import Array
+from landtool.io.labels import picture_size
+from landtool.io.tables import Columns, ReadTable, read_table
+
+TRUTH = "truth.csv"
+AGAIN = "generate the data set again"
+_BOX = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")
+_CORNERS = tuple(f"tag_{axis}{i}_px" for i in range(4) for axis in "xy")
+_NUMBERS = ("size_px", "visible_fraction", "height_m", "tilt_rad", "yaw_rad", "beta_per_m", "light", "shadow")
+_BLURS = ("defocus_px", "motion_px")
+_COLUMNS: Columns = {
+    "file": str,
+    "present": int,
+    "ground": str,
+    "carrier": str,
+    "signs": str,
+    "applied": str,
+} | dict.fromkeys((*_NUMBERS, *_BOX, *_CORNERS), float)
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """N pictures of width x height; what is said of a pad is NaN or empty where none is in the picture.
+
+    files: relative to the data set. present: (N,) bool. numbers: columns of truth.csv (N,) by name. blur_px: (N,) of
+    everything that was applied. box_px: (N, 4) x_min, y_min, x_max, y_max; tag_corners_px: (N, 4, 2). ground,
+    carrier: names; signs: of each picture.
+    """
+
+    width: int
+    height: int
+    files: tuple[str, ...]
+    present: NDArray[np.bool_]
+    numbers: dict[str, Array]
+    blur_px: Array
+    box_px: Array
+    tag_corners_px: Array
+    ground: tuple[str, ...]
+    carrier: tuple[str, ...]
+    signs: tuple[tuple[str, ...], ...]
+
+    def __len__(self) -> int:
+        return len(self.files)
+
+    @property
+    def place(self) -> Array:
+        """The centre (N, 2) of the box, x and y as shares of the picture; NaN without a pad."""
+        centre = (self.box_px[:, :2] + self.box_px[:, 2:]) / 2.0
+        shares: Array = (centre + 0.5) / (self.width, self.height)
+        return shares
+
+
+def read_facts(dataset: Path) -> Facts:
+    """Read the truth of a data set.
+
+    Raises UsageError when there is no truth.csv, InputError when it is no such table or empty.
+    """
+    path = dataset / TRUTH
+    table = read_table(path, _COLUMNS)
+    if not len(table):
+        raise InputError("names no picture", file=path, hint=AGAIN)
+    present = np.array([bool(v) for v in table.ints("present")])
+    numbers = {name: table.floats(name) for name in _NUMBERS}
+    for name in ("size_px", "visible_fraction", "yaw_rad", "shadow"):
+        numbers[name] = np.where(present, numbers[name], np.nan)
+    box = np.column_stack([table.floats(name) for name in _BOX])
+    corners = np.column_stack([table.floats(name) for name in _CORNERS]).reshape(-1, 4, 2)
+    width, height = picture_size(dataset / table.texts("file")[0])  # all have one size
+    return Facts(
+        width=width,
+        height=height,
+        files=tuple(table.texts("file")),
+        present=present,
+        numbers=numbers,
+        blur_px=_blur(table),
+        box_px=np.where(present[:, None], box, np.nan),
+        tag_corners_px=np.where(present[:, None, None], corners, np.nan),
+        ground=tuple(table.texts("ground")),
+        carrier=tuple(table.texts("carrier")),
+        signs=tuple(tuple(filter(None, text.split(";"))) for text in table.texts("signs")),
+    )
+
+
+def measure_brightness(dataset: Path, facts: Facts) -> Array:
+    """Return the mean grey level (N,) of every picture. Raises InputError for one that cannot be decoded."""
+    return np.array([_brightness(dataset / file) for file in facts.files])
+
+
+def _brightness(path: Path) -> float:
+    try:
+        with PilImage.open(path) as stored:
+            width, height = stored.size
+            stored.draft("L", (width // 8, height // 8))  # a JPEG's mean needs its coarsest coefficients only
+            return float(np.asarray(stored.convert("L")).mean())
+    except (OSError, ValueError, SyntaxError) as error:
+        raise InputError(f"cannot be decoded ({error})", file=path, hint=AGAIN) from error
+
+
+def _blur(table: ReadTable) -> Array:
+    """Return the root of the squares' sum (N,) of every blur in `applied`, which reads `name=value;name=value`."""
+    total = np.zeros(len(table))
+    for i, text in enumerate(table.texts("applied")):
+        for name, _, value in (part.partition("=") for part in text.split(";")):
+            if name in _BLURS:
+                total[i] += float(value) ** 2
+    return np.sqrt(total)
