@@ -1,0 +1,52 @@
+"""All kinds of ground by name, each painted once a process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Literal, get_args
+
+import numpy as np
+
+from landtool.errors import UsageError
+from landtool.synth.grounds.loose import asphalt, gravel, sand, soil
+from landtool.synth.grounds.painting import Painting
+from landtool.synth.grounds.paved import brick, cobbles, concrete, tiles
+from landtool.synth.grounds.soft import grass, snow, water
+from landtool.synth.grounds.texture import GroundTexture
+
+GroundKind = Literal[
+    "asphalt", "concrete", "gravel", "grass", "soil", "sand", "water", "snow", "tiles", "cobbles", "brick"
+]
+KINDS: tuple[GroundKind, ...] = get_args(GroundKind)
+VARIANTS = 2
+"""Different grounds of a kind that are worth keeping: each takes 7 MB."""
+_PAINTERS: dict[GroundKind, Callable[[np.random.Generator], Painting]] = {
+    "asphalt": asphalt,
+    "concrete": concrete,
+    "gravel": gravel,
+    "grass": grass,
+    "soil": soil,
+    "sand": sand,
+    "water": water,
+    "snow": snow,
+    "tiles": tiles,
+    "cobbles": cobbles,
+    "brick": brick,
+}
+
+
+def make_ground_texture(kind: GroundKind, rng: np.random.Generator) -> GroundTexture:
+    """Return a ground of a kind, other colours and stones for other states of `rng`.
+
+    Raises UsageError for an unknown kind.
+    """
+    if kind not in _PAINTERS:
+        raise UsageError(f"unknown ground '{kind}'", hint=f"known: {', '.join(KINDS)}")
+    return _PAINTERS[kind](rng).texture(kind, rng)
+
+
+@lru_cache(maxsize=len(KINDS) * VARIANTS)
+def ground(kind: GroundKind, variant: int, seed: int) -> GroundTexture:
+    """Return a variant of a kind; the same seed (0 or more) has the same grounds. Kept, so do not change it."""
+    return make_ground_texture(kind, np.random.default_rng([seed, KINDS.index(kind), variant]))
