@@ -14,6 +14,7 @@ from landtool.errors import InputError, UsageError
 from landtool.families import canonical_name
 from landtool.io.local import local_file
 from landtool.pad import refuse_unknown_keys
+from landtool.synth.domain import Domain
 from landtool.tone import parse_tone
 from landtool.tracking.tracker import TrackerConfig
 
@@ -77,14 +78,48 @@ class TrackConfig:
         for name in self.save:
             if name not in SAVES:
                 raise UsageError(f"unknown output '{name}'", hint=f"known: {', '.join(SAVES)}")
-        for name, (low, high) in BOUNDS.items():
-            value = getattr(self, name)
-            if value is not None and not low <= value <= high:
-                raise UsageError(f"{name} = {value:g} is impossible", hint=f"give {low:g} to {high:g}")
+        _refuse_out_of_bounds(self)
         if self.camera_name is not None and self.camera is None:
             raise UsageError("a camera's name, but no file to find it in", hint="give the camchain with --camera")
         if self.camera is not None and self.hfov_deg is not None:
             raise UsageError("--camera and --hfov exclude each other", hint="keep the calibration file")
+
+
+@dataclass(frozen=True)
+class GenerateConfig:
+    """Everything `landtool generate images` can be told, except its output folder. What is missing has no default."""
+
+    # pictures to make
+    n: int | None = None
+    # another seed makes other pictures; picture i of a seed is the same whatever n is
+    seed: int = 0
+    # width and height of the pictures, pixels
+    size: tuple[int, int] = (640, 480)
+    # shares of train, val and, if there are three, test
+    split: tuple[float, ...] = (0.8, 0.1, 0.1)
+    # pad TOML, and a ring diameter that replaces its own, metres
+    pad: Path | None = None
+    diameter_m: float | None = None
+    # folders of photographs to lay under the pad, or "scikit-image" for those of that package
+    backgrounds: tuple[str, ...] = ()
+    # processes that draw; none: one a core
+    jobs: int | None = None
+    # draw the contact sheet and the statistics, too
+    preview: bool = True
+    # what the pictures vary in
+    domain: Domain = field(default_factory=Domain)
+
+    def __post_init__(self) -> None:
+        _refuse_out_of_bounds(self)
+        if self.jobs is not None and self.jobs < 1:
+            raise UsageError(f"{self.jobs} jobs cannot work", hint="give 1 or more")
+
+
+def _refuse_out_of_bounds(settings: Any) -> None:
+    for name, (low, high) in BOUNDS.items():
+        value = getattr(settings, name, None)
+        if value is not None and not low <= value <= high:
+            raise UsageError(f"{name} = {value:g} is impossible", hint=f"give {low:g} to {high:g}")
 
 
 def read_config(path: Path) -> dict[str, Any]:
@@ -103,6 +138,10 @@ def read_config(path: Path) -> dict[str, Any]:
         value = data.get(key)
         if isinstance(value, str) and (path.parent / value).exists():
             data[key] = str(path.parent / value)
+    places = data.get("backgrounds")
+    if isinstance(places, list):
+        here = path.parent
+        data["backgrounds"] = [str(here / p) if isinstance(p, str) and (here / p).exists() else p for p in places]
     return data
 
 
@@ -137,10 +176,7 @@ def _converted(value: Any, kind: Any, name: str) -> Any:
             return value
         raise InputError(f"'{name}' must be one of {', '.join(map(str, get_args(wanted)))}")
     if get_origin(wanted) is tuple:
-        items = value.split(",") if isinstance(value, str) else value
-        if isinstance(items, list | tuple) and all(isinstance(item, str) for item in items):
-            return tuple(item.strip() for item in items)
-        raise InputError(f"'{name}' must be a list of names")
+        return _converted_list(value, get_args(wanted), name)
     if wanted is Path and isinstance(value, str | Path):
         return Path(value)
     if wanted is float and isinstance(value, int | float) and not isinstance(value, bool):
@@ -148,6 +184,21 @@ def _converted(value: Any, kind: Any, name: str) -> Any:
     if isinstance(value, wanted) and not (wanted is int and isinstance(value, bool)):
         return value
     raise InputError(f"'{name}' must be {_KINDS.get(wanted, wanted.__name__)}, not {value!r}")
+
+
+def _converted_list(value: Any, kinds: tuple[Any, ...], name: str) -> tuple[Any, ...]:
+    """Return a list as the tuple a field is declared with: of names, of numbers, or a pair of numbers."""
+    kind, count = kinds[0], None if kinds[-1] is ... else len(kinds)
+    if kind is str:
+        items = value.split(",") if isinstance(value, str) else value
+        if isinstance(items, list | tuple) and all(isinstance(item, str) for item in items):
+            return tuple(item.strip() for item in items)
+        raise InputError(f"'{name}' must be a list of names")
+    numbers = isinstance(value, list | tuple) and all(type(item) is kind or type(item) is int for item in value)
+    if not numbers or (count is not None and len(value) != count):
+        wanted = "whole numbers" if kind is int else "numbers"
+        raise InputError(f"'{name}' must be a list of {'' if count is None else f'{count} '}{wanted}, not {value!r}")
+    return tuple(kind(item) for item in value)
 
 
 _KINDS = {float: "a number", int: "a whole number", str: "a text", bool: "true or false", Path: "a file name"}

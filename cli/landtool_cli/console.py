@@ -37,12 +37,14 @@ class Console:
 
     verbose and quiet are -v and -q; debug asks for the traceback of an error. `file` is the input being worked on:
     a command sets it so that an error which names no file (out of memory, a bug) still tells where it happened.
+    unfinished: what became of the outputs of a run that is stopped.
     """
 
     verbose: bool = False
     quiet: bool = False
     debug: bool = False
     file: Path | None = None
+    unfinished: str = "outputs not finished were removed"
     _bar: Any = None  # the progress bar shown now: a line printed below it would tear it
 
     def result(self, text: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import io
 import os
@@ -18,13 +17,14 @@ import click
 from click.shell_completion import CompletionItem, shell_complete
 
 from landtool import __version__
-from landtool.errors import UsageError
 from landtool_cli.console import Console
 from landtool_cli.explain import explain
+from landtool_cli.groups import NamingGroup, help_if_alone
 
 # Every command: its module, imported when it is called, and its line in `landtool --help`
 COMMANDS = {
     "track": ("landtool_cli.commands.track", "Follow the pad through recordings: poses, track, prediction, video."),
+    "generate": ("landtool_cli.commands.generate", "Make images and clips with exact truth, to train and to test."),
     "pad": ("landtool_cli.commands.pad", "Make the target for printing, at true scale."),
     "info": ("landtool_cli.commands.info", "Tell what a recording, calibration or pad file holds."),
     "completion": ("landtool_cli.commands.completion", "Print the completion script of a shell."),
@@ -37,7 +37,7 @@ class Terminated(BaseException):
     """SIGTERM arrived. An exception, so that everything on the way out cleans up."""
 
 
-class LazyGroup(click.Group):
+class LazyGroup(NamingGroup):
     """A group whose commands are imported only when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 (click's signature)
@@ -49,19 +49,8 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = importlib.import_module(COMMANDS[cmd_name][0]).command
-        known = {param.name for param in command.params}
-        command.params += [option for option in _common_options() if option.name not in known]
+        _add_common_options(command)
         return command
-
-    def resolve_command(
-        self, ctx: click.Context, args: list[str]
-    ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command to call. Raises UsageError naming the nearest one when there is none."""
-        if args[0] not in COMMANDS and not args[0].startswith("-") and not ctx.resilient_parsing:
-            near = difflib.get_close_matches(args[0], COMMANDS, n=1, cutoff=0.0)[0]
-            hint = f"did you mean '{near}'? All commands: {', '.join(COMMANDS)}"
-            raise UsageError(f"no such command '{args[0]}'", hint=hint)
-        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """Write the table of commands without importing one."""
@@ -72,6 +61,13 @@ class LazyGroup(click.Group):
         """Complete a command's name without importing one."""
         names = [CompletionItem(name, help=text) for name, (_, text) in COMMANDS.items() if name.startswith(incomplete)]
         return names + click.Command.shell_complete(self, ctx, incomplete)
+
+
+def _add_common_options(command: click.Command) -> None:
+    known = {param.name for param in command.params}
+    command.params += [option for option in _common_options() if option.name not in known]
+    for inner in command.commands.values() if isinstance(command, click.Group) else ():
+        _add_common_options(inner)
 
 
 def _common_options() -> list[click.Option]:
@@ -102,8 +98,7 @@ def _common_options() -> list[click.Option]:
 @click.pass_context
 def cli(ctx: click.Context) -> None:
     """Measure, track and explain a landing on a moving platform, from recorded video. Offline."""
-    if ctx.invoked_subcommand is None:
-        ctx.ensure_object(Console).result(ctx.get_help())
+    help_if_alone(ctx)
 
 
 def main() -> NoReturn:
@@ -168,10 +163,10 @@ def _report(error: BaseException, console: Console) -> int:
     if console.debug:
         console.traceback("".join(traceback.format_exception(error)))
     if isinstance(error, KeyboardInterrupt | click.Abort):
-        console.error("interrupted; outputs not finished were removed")
+        console.error(f"interrupted; {console.unfinished}")
         return 130
     if isinstance(error, Terminated):
-        console.error("terminated; outputs not finished were removed")
+        console.error(f"terminated; {console.unfinished}")
         return 143
     if isinstance(error, SystemExit):
         return error.code if isinstance(error.code, int) else int(error.code is not None)

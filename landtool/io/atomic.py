@@ -1,22 +1,31 @@
 """Outputs that appear whole or not at all.
 
 Everything is written under a temporary name beside its target, `.landtool-` and eight hexadecimal digits, flushed to
-the disk and then renamed. A run that was killed outright may leave such a name behind; it is safe to delete.
+the disk and then renamed. A run that was killed outright may leave such a name behind; it is safe to delete. So is
+`.landtool-resume-`, in which long work waits to be finished by a run that asks for the same.
 """
 
 from __future__ import annotations
 
 import errno
+import hashlib
 import os
 import secrets
 import shutil
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 from landtool.errors import OutputError, OutputExistsError, UsageError
 
+try:
+    import fcntl
+except ImportError:  # Windows, where two runs of the same are not told apart
+    fcntl = None  # type: ignore[assignment]
+
 TEMPORARY_PREFIX = ".landtool-"
+RESUME_PREFIX = f"{TEMPORARY_PREFIX}resume-"
 
 # What the user can do about a write that failed
 _HINTS = {
@@ -73,6 +82,35 @@ def atomic_folder(path: Path, *, overwrite: bool = False, mark: str = "run.json"
         _sync_tree(temporary)
         _refuse_folder(path, target, overwrite, mark)
         _swap_folder(temporary, target)
+        _sync(target.parent)
+
+
+@dataclass(frozen=True)
+class Unfinished:
+    """Work that outlives an interruption. whole: becomes the output. notes: what is done so far; thrown away then."""
+
+    whole: Path
+    notes: Path
+
+
+@contextmanager
+def resumable_folder(path: Path, request: str, *, overwrite: bool = False, mark: str) -> Iterator[Unfinished]:
+    """Yield folders that stay when the block fails; when it ends well, `whole` is renamed to `path`.
+
+    request: all that the content depends on. The next call for the same path and request finds what this one left,
+    any other call does not. Nothing stays when nothing was written. Refuses and raises as `atomic_folder` does, and
+    UsageError when another run is busy with the same.
+    """
+    target = _real(path)
+    _refuse_folder(path, target, overwrite, mark)
+    digest = hashlib.sha256(f"{target.name}\n{request}".encode("utf-8", "surrogateescape")).hexdigest()
+    work = target.parent / f"{RESUME_PREFIX}{digest[:12]}"
+    unfinished = Unfinished(work / "whole", work / "notes")
+    with _output_errors(path, work), _locked(work, path), _kept_if_used(unfinished):
+        yield unfinished
+        _sync_tree(unfinished.whole)
+        _refuse_folder(path, target, overwrite, mark)
+        _swap_folder(unfinished.whole, target)
         _sync(target.parent)
 
 
@@ -139,6 +177,50 @@ def _reserved(temporary: Path, create: Callable[[Path], None]) -> Iterator[None]
             with suppress(OSError):  # not empty: somebody else uses it by now
                 parent.rmdir()
         raise
+
+
+@contextmanager
+def _locked(work: Path, path: Path) -> Iterator[None]:
+    """Make the folder and hold a lock on it, which a killed process loses; remove it at the end if it is empty."""
+    new = [folder for folder in (work, *work.parents) if not folder.exists()]
+    work.mkdir(parents=True, exist_ok=True)
+    handle = None if fcntl is None else os.open(work, os.O_RDONLY)
+    try:
+        if handle is not None and not _lock(handle):
+            raise UsageError("another run is writing the same", file=path, hint="wait for it or stop it")
+        yield
+    finally:
+        with suppress(OSError):  # not empty: kept for the next run
+            for folder in new or [work]:
+                folder.rmdir()
+        if handle is not None:
+            os.close(handle)
+
+
+def _lock(handle: int) -> bool:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+@contextmanager
+def _kept_if_used(unfinished: Unfinished) -> Iterator[None]:
+    """Make the folders; remove them at the end, but not when the block fails with files in them."""
+    folders = unfinished.whole, unfinished.notes
+    try:
+        for folder in folders:
+            folder.mkdir(exist_ok=True)
+        yield
+    except BaseException:
+        if any(path.is_file() for folder in folders for path in folder.rglob("*")):
+            raise
+        for folder in folders:
+            _remove(folder)
+        raise
+    for folder in folders:
+        _remove(folder)
 
 
 def _create_file(path: Path) -> None:

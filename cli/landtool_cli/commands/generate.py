@@ -1,0 +1,165 @@
+"""`landtool generate`: images and clips with exact truth."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+
+from landtool.config import GenerateConfig, configured, read_config
+from landtool.errors import InputError, LandtoolError, UsageError
+from landtool.io.atomic import refuse_input_as_output
+from landtool.io.local import local_file
+from landtool.pad import PadSpec
+from landtool.synth.dataset import DatasetRequest, DatasetSummary, Progress, write_dataset
+from landtool.synth.dataset.backgrounds import SCIKIT_IMAGE, find_backgrounds
+from landtool_cli import options
+from landtool_cli.console import Console, Counter, pass_console
+from landtool_cli.groups import NamingGroup, help_if_alone
+
+
+@click.group("generate", cls=NamingGroup, invoke_without_command=True)
+@click.pass_context
+def command(ctx: click.Context) -> None:
+    """Make images and clips of landings with exact truth, to train and to test with."""
+    help_if_alone(ctx)
+
+
+def size_px(text: str) -> tuple[int, int]:
+    """Return width and height of a text such as 640x480, or fail as click does."""
+    found = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text)
+    if not found:
+        raise click.BadParameter(f"'{text}' is no picture size such as 640x480.")
+    return int(found[1]), int(found[2])
+
+
+def shares(text: str) -> tuple[float, ...]:
+    """Return the numbers of a text such as 0.8,0.1,0.1, or fail as click does."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise click.BadParameter(f"'{text}' is no list of shares such as 0.8,0.1,0.1.") from None
+
+
+@command.command("images")
+@options.output("Folder for the dataset.", required=True)
+@click.option("-n", type=click.IntRange(min=1), metavar="N", help="How many images. Required, here or in --config.")
+@click.option("--seed", type=click.IntRange(min=0), metavar="S", help="Another seed, other images.  [default: 0]")
+@click.option("--size", type=size_px, metavar="WxH", help="Size of the images, pixels.  [default: 640x480]")
+@click.option("--split", type=shares, metavar="A,B,C", help="Shares of train, val and test.  [default: 0.8,0.1,0.1]")
+@options.pad
+@click.option("--diameter", "diameter_m", type=options.DIAMETER_M, metavar="M", help="Ring diameter D of the pad.")
+@click.option(
+    "--backgrounds",
+    multiple=True,
+    metavar=f"DIR|{SCIKIT_IMAGE}",
+    help=f"Photographs to lay under the pad: a folder, or those of the package {SCIKIT_IMAGE}. May be repeated.",
+)
+@click.option("--jobs", type=click.IntRange(min=1), metavar="J", help="Processes that draw.  [default: one a core]")
+@click.option("--preview/--no-preview", default=None, help="Draw a contact sheet and statistics.  [default: preview]")
+@options.config
+@options.overwrite
+@pass_console
+def images(console: Console, /, output: Path, config: Path | None, overwrite: bool, **flags: Any) -> None:
+    """Make a dataset of single images: YOLO and COCO labels, splits, and the truth of each image in truth.csv.
+
+    Interrupted, the same command goes on where it stopped. The same seed gives the same images, whatever --jobs is.
+    """
+    settings = _settings(config, flags)
+    if settings.n is None:
+        raise UsageError("how many images?", hint="give -n, or n in --config")
+    also_read = [path for path in (settings.pad, config) if path]
+    refuse_input_as_output([*also_read, *(Path(p) for p in settings.backgrounds if p != SCIKIT_IMAGE)], output)
+    photos = find_backgrounds(settings.backgrounds)
+    pad = _pad(settings.pad, settings.diameter_m)
+    request = _request(settings, settings.n, pad, photos)
+    jobs = settings.jobs or _cores()
+    console.unfinished = "the same command goes on where this one stopped"
+    start = time.perf_counter()
+    with console.counter(label=output.name, unit="image") as counter:
+        summary = write_dataset(
+            request,
+            output,
+            jobs=jobs,
+            overwrite=overwrite,
+            preview=settings.preview,
+            progress=_progress(console, counter),
+        )
+    _tell(console, summary, settings)
+    drawn, seconds = summary.images - summary.kept, time.perf_counter() - start
+    console.log(f"{drawn} images drawn in {seconds:.1f} s, {drawn / seconds:.1f} images/s with {jobs} processes")
+
+
+@command.command("preview")
+@click.argument("dataset", metavar="DIR", type=options.PATH)
+@options.output("Folder for the two pictures.  [default: DIR]")
+@options.overwrite
+@pass_console
+def preview(console: Console, dataset: Path, output: Path | None, overwrite: bool) -> None:
+    """Show a dataset: images with their labels as preview.png, and what was drawn how often as statistics.png."""
+    from landtool.synth.preview import write_preview  # loads matplotlib
+
+    for path in write_preview(dataset, output, overwrite=overwrite):
+        console.result(str(path))
+
+
+def _settings(file: Path | None, flags: dict[str, Any]) -> GenerateConfig:
+    """Return the settings of a file, if there is one, with the options that were given put in."""
+    base = GenerateConfig()
+    if file:
+        try:
+            base = configured(base, read_config(file))
+        except LandtoolError as error:
+            raise type(error)(error.reason, file=error.file or file, hint=error.hint) from error
+    given = {name: value for name, value in flags.items() if value is not None and value != ()}
+    try:
+        return configured(base, given)
+    except InputError as error:  # no file's content but what was typed
+        raise UsageError(error.reason, hint=error.hint) from error
+
+
+def _cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _pad(file: Path | None, diameter_m: float | None) -> PadSpec:
+    pad = PadSpec.read(local_file(file)) if file else PadSpec()
+    return pad.scaled(diameter_m) if diameter_m else pad
+
+
+def _request(settings: GenerateConfig, n: int, pad: PadSpec, photos: Any) -> DatasetRequest:
+    try:
+        return DatasetRequest(n, settings.seed, settings.size, settings.split, settings.domain, pad, photos)
+    except InputError as error:  # the pad's content
+        raise InputError(error.reason, file=settings.pad, hint=error.hint) from error
+
+
+def _progress(console: Console, counter: Counter) -> Progress:
+    def start(total: int, kept: int) -> None:
+        if kept:
+            console.log(f"goes on where an earlier run stopped: {kept} of {total} images are there")
+        counter.expect(total)
+        done(kept)
+
+    def done(count: int) -> None:
+        for _ in range(count):
+            counter.add()
+
+    return Progress(start, done)
+
+
+def _tell(console: Console, summary: DatasetSummary, settings: GenerateConfig) -> None:
+    folder = summary.folder
+    without = summary.images - summary.with_pad
+    size = "{}x{}".format(*settings.size)
+    console.result(f"{folder}: {summary.images} images of {size}, {summary.with_pad} with the pad, {without} without")
+    console.result("  " + ", ".join(f"{name} {count}" for name, count in summary.splits.items()))
+    console.result(f"  labels: {folder / 'data.yaml'} (YOLO), {folder / 'annotations'} (COCO)")
+    console.result(f"  truth: {folder / 'truth.csv'}")
+    if settings.preview:
+        console.result(f"  to look at: {folder / 'preview.png'}, {folder / 'statistics.png'}")

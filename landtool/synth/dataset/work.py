@@ -1,0 +1,160 @@
+"""Pictures drawn by several processes, each kept as soon as it is done, so that a later run goes on from there."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from itertools import islice
+from multiprocessing.connection import wait as wait_for
+from pathlib import Path
+from typing import Protocol
+
+import cv2
+
+from landtool.errors import LandtoolError
+from landtool.io.atomic import Unfinished
+from landtool.pad import PadSpec
+from landtool.synth.dataset.request import DatasetRequest
+from landtool.synth.dataset.rows import TruthRow, truth_row
+from landtool.synth.domain import Domain
+from landtool.synth.sample import Sample
+
+_CHUNK = 8  # pictures a process is given at a time: small, as Ctrl-C waits for them
+_WAITING = 2  # chunks ready for each process
+
+
+class Draw(Protocol):
+    """Draws picture `index` of a seed; a function of a module, for it is sent to other processes by name."""
+
+    def __call__(
+        self, domain: Domain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: tuple[Path, ...]
+    ) -> Sample:
+        """Return the picture and its truth; the same arguments give the same bytes."""
+        ...
+
+
+@dataclass(frozen=True)
+class Work:
+    """Where pictures and what is true of them are put. split_of: the split of each picture, by its index."""
+
+    request: DatasetRequest
+    split_of: Sequence[str]
+    place: Unfinished
+    draw: Draw
+
+    def image(self, index: int) -> str:
+        """Return a picture's path relative to the dataset."""
+        return f"images/{self.split_of[index]}/{self.request.stem(index)}.jpg"
+
+    def is_done(self, index: int) -> bool:
+        """Whether a picture is there as it was drawn."""
+        try:
+            note = json.loads(self._note(index).read_bytes())
+            content = (self.place.whole / self.image(index)).read_bytes()
+        except (OSError, ValueError):
+            return False
+        # a machine that lost its power may have kept the names and lost the content
+        return bool(note["sha256"] == hashlib.sha256(content).hexdigest())
+
+    def row(self, index: int) -> TruthRow:
+        """Return what is true of a picture that is done."""
+        row: TruthRow = json.loads(self._note(index).read_bytes())["row"]
+        return row
+
+    def make(self, index: int) -> None:
+        """Draw a picture and keep it, its note last: the note says that it is whole."""
+        r = self.request
+        sample = self.draw(r.domain, r.pad, r.size, r.seed, index, r.photo_paths)
+        note = {
+            "row": truth_row(self.image(index), self.split_of[index], sample.truth),
+            "sha256": hashlib.sha256(sample.jpeg).hexdigest(),
+        }
+        self._keep(self.place.whole / self.image(index), sample.jpeg)
+        self._keep(self._note(index), json.dumps(note).encode())
+
+    def _note(self, index: int) -> Path:
+        return self.place.notes / f"{index}.json"
+
+    def _keep(self, path: Path, content: bytes) -> None:
+        # in the notes, which are thrown away: a killed process must leave nothing in the dataset
+        temporary = self.place.notes / f"{os.getpid()}.part"
+        temporary.write_bytes(content)
+        temporary.replace(path)
+
+
+def draw_images(work: Work, indices: Sequence[int], jobs: int, on_images: Callable[[int], None]) -> None:
+    """Make pictures in `jobs` processes; on_images is told how many more are done. At any exception all stop.
+
+    Raises what drawing or writing raises, LandtoolError when a process is killed.
+    """
+    chunks = [indices[i : i + _CHUNK] for i in range(0, len(indices), _CHUNK)]
+    jobs = min(jobs, len(chunks))
+    if jobs <= 1:
+        with _one_thread():
+            for index in indices:
+                work.make(index)
+                on_images(1)
+        return
+    # fresh processes: one forked from a program with threads may hang
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, context, initializer=_begin) as pool:
+        try:
+            for done in _all_done(pool, work, chunks, jobs * (1 + _WAITING)):
+                on_images(done)
+        except BrokenProcessPool as error:
+            hint = "out of memory, perhaps: use fewer --jobs; the same call goes on from there"
+            raise LandtoolError("a process that draws was killed", hint=hint) from error
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+
+def _all_done(pool: ProcessPoolExecutor, work: Work, chunks: Sequence[Sequence[int]], at_once: int) -> Iterator[int]:
+    """Yield the sizes of chunks as they are done; only `at_once` are handed out, however many there are."""
+    left = iter(chunks)
+    running: set[Future[int]] = {pool.submit(_make_chunk, work, chunk) for chunk in islice(left, at_once)}
+    while running:
+        done, running = wait(running, return_when=FIRST_COMPLETED)
+        for future in done:
+            yield future.result()
+        running |= {pool.submit(_make_chunk, work, chunk) for chunk in islice(left, len(done))}
+
+
+def _make_chunk(work: Work, chunk: Sequence[int]) -> int:
+    for index in chunk:
+        work.make(index)
+    return len(chunk)
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Keep OpenCV to one thread, as in the other processes."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def _begin() -> None:
+    """Set up a process that draws: Ctrl-C is its parent's to handle, and it ends when its parent does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    cv2.setNumThreads(1)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    with suppress(OSError):
+        wait_for([sentinel])
+    os._exit(1)
