@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landtool.geometry import Array
-from landtool.pad import PadSpec, Shape
+from landtool.pad import BLACK, PadSpec, Shape
 from landtool.tone import srgb_decode
 
 Texels = NDArray[np.uint16]
@@ -65,9 +65,44 @@ def pad_texture(pad: PadSpec) -> PadTexture:
     picture = np.zeros((n, n, 4), dtype=np.float32)
     # neighbours of one colour share edges, so their coverage adds up; painted one by one a seam would show
     for color, group in groupby(pad.shapes(), key=lambda shape: shape.color):
-        _paint(picture, list(group), color, texel_m)
+        light = np.append(srgb_decode(np.array(color[::-1]) / 255.0), 1.0)
+        _paint(picture, list(group), light, texel_m)
     levels = pyramid(picture)
     return PadTexture(levels, texel_m, _busy(levels), extent_m=pad.extent_m)
+
+
+@dataclass(frozen=True, eq=False)
+class InkTexture:
+    """Which ink covers how much of each texel of a print; columns run along the pad's -y, rows along -x.
+
+    levels[i]: (n_i, n_i, 4) uint8, 255 is all: the ring's ink, the letter's, the tags' black, and anything at all
+    (what is covered by none of the three is paper). texel_m: edge of a texel of level 0. extent_m: of the print.
+    """
+
+    levels: tuple[NDArray[np.uint8], ...]
+    texel_m: float
+    extent_m: float
+
+
+@lru_cache(maxsize=2)
+def ink_texture(pad: PadSpec) -> InkTexture:
+    """Return the inks of a pad, about 30 MB; the last two are kept."""
+    texel_m = pad.extent_m / _TEXELS_ACROSS
+    n = math.ceil((_TEXELS_ACROSS + 4) / _BLOCK) * _BLOCK
+    inks = {BLACK: 2}
+    for part, channel in ((pad.letter, 1), (pad.ring, 0)):
+        if part is not None:
+            inks[part.color] = channel
+    picture = np.zeros((n, n, 4), dtype=np.float32)
+    for color, group in groupby(pad.shapes(), key=lambda shape: shape.color):
+        ink = np.zeros(4)
+        ink[3] = 1.0
+        if color in inks:
+            ink[inks[color]] = 1.0
+        _paint(picture, list(group), ink, texel_m)
+    return InkTexture(
+        tuple(np.rint(level / 257.0).astype(np.uint8) for level in pyramid(picture)), texel_m, pad.extent_m
+    )
 
 
 def pyramid(picture: NDArray[np.float32]) -> tuple[Texels, ...]:
@@ -118,8 +153,8 @@ def _crossings(a: float, b: float) -> Array:
     return cuts
 
 
-def _paint(picture: NDArray[np.float32], shapes: list[Shape], color: tuple[int, int, int], texel_m: float) -> None:
-    """Paint shapes of one colour over a premultiplied picture."""
+def _paint(picture: NDArray[np.float32], shapes: list[Shape], paint: Array, texel_m: float) -> None:
+    """Paint shapes of one colour, with the values `paint` (C,), over a premultiplied picture."""
     n = picture.shape[0]
     cover = np.zeros((n, n))
     for shape in shapes:
@@ -130,8 +165,7 @@ def _paint(picture: NDArray[np.float32], shapes: list[Shape], color: tuple[int, 
     rows, columns = np.flatnonzero(cover.any(axis=1)), np.flatnonzero(cover.any(axis=0))
     window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     c = np.minimum(cover[window], 1.0)[:, :, None].astype(np.float32)
-    paint = np.append(srgb_decode(np.array(color[::-1]) / 255.0), 1.0).astype(np.float32)
-    picture[window] += c * (paint - picture[window])
+    picture[window] += c * (paint.astype(np.float32) - picture[window])
 
 
 def _outline(shape: Shape, texel_m: float) -> Array:

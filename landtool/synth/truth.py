@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from landtool.camera import Camera
+from landtool.errors import UsageError
 from landtool.geometry import Array, Pose
 from landtool.pad import PadSpec, PadTag
 from landtool.synth.render import sees_upper_side
@@ -27,13 +28,30 @@ def ring_box_px(camera: Camera, camera_T_pad: Pose, pad: PadSpec, *, clip: bool 
     the pad has no ring, is seen from behind, is not wholly in front of the camera, or nothing of it is in the image.
     """
     rim = _rim_px(camera, camera_T_pad, pad)
-    if rim is None:
-        return None
-    part = _clipped(rim, camera)
+    return None if rim is None else box_of_rim(camera, rim, clip=clip)
+
+
+def box_of_rim(camera: Camera, rim_px: Array, *, clip: bool = True) -> Array | None:
+    """Return the box (4,) as above around a convex outline (N, 2) in pixels; None when the image holds none of it."""
+    part = _clipped(rim_px, camera)
     if not len(part):
         return None
-    points = part if clip else rim
+    points = part if clip else rim_px
     return np.concatenate([points.min(axis=0), points.max(axis=0)])
+
+
+def visible_of_rim(camera: Camera, rim_px: Array) -> float:
+    """Return the part of a convex outline (N, 2) in pixels that the image holds, by area, in [0, 1]."""
+    return float(np.clip(_area(_clipped(rim_px, camera)) / _area(rim_px), 0.0, 1.0))
+
+
+def rim_m(pad: PadSpec) -> Array:
+    """Return the outer circle of the pad's ring, (N, 3) in the pad frame. Raises UsageError when it has none."""
+    if pad.ring is None:
+        raise UsageError("the pad has no ring to draw a box around", hint="give a pad with [ring]")
+    angle = np.arange(_RIM_POINTS) * (2.0 * np.pi / _RIM_POINTS)
+    radius = pad.ring.outer * pad.diameter_m / 2.0
+    return radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
 
 
 def visible(camera: Camera, camera_T_pad: Pose, pad: PadSpec) -> float:
@@ -44,16 +62,13 @@ def visible(camera: Camera, camera_T_pad: Pose, pad: PadSpec) -> float:
     rim = _rim_px(camera, camera_T_pad, pad)
     if rim is None:
         return 0.0
-    return float(np.clip(_area(_clipped(rim, camera)) / _area(rim), 0.0, 1.0))
+    return visible_of_rim(camera, rim)
 
 
 def _rim_px(camera: Camera, camera_T_pad: Pose, pad: PadSpec) -> Array | None:
     if pad.ring is None or not sees_upper_side(camera_T_pad):
         return None
-    angle = np.arange(_RIM_POINTS) * (2.0 * np.pi / _RIM_POINTS)
-    radius = pad.ring.outer * pad.diameter_m / 2.0
-    circle = radius * np.column_stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)])
-    rim = camera.project(camera_T_pad.apply(circle))
+    rim = camera.project(camera_T_pad.apply(rim_m(pad)))
     return rim if np.isfinite(rim).all() else None
 
 
@@ -67,14 +82,13 @@ def _clipped(polygon: Array, camera: Camera) -> Array:
 
 def _half(polygon: Array, inside: Array) -> Array:
     """Return the part of a polygon where `inside` (N,), linear along its edges, is not negative."""
-    kept: list[Array] = []
-    for i in range(len(polygon)):
-        a, b = inside[i - 1], inside[i]
-        if (a < 0.0) != (b < 0.0):
-            kept.append(polygon[i - 1] + a / (a - b) * (polygon[i] - polygon[i - 1]))
-        if b >= 0.0:
-            kept.append(polygon[i])
-    return np.array(kept).reshape(-1, 2)
+    before, a = np.roll(polygon, 1, axis=0), np.roll(inside, 1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = before + (a / (a - inside))[:, None] * (polygon - before)
+    # of each edge the point where it crosses, then its end: those that exist
+    points = np.stack([crossing, polygon], axis=1)
+    kept: Array = points[np.stack([(a < 0.0) != (inside < 0.0), inside >= 0.0], axis=1)]
+    return kept
 
 
 def _area(polygon: Array) -> float:

@@ -1,0 +1,180 @@
+"""A scene through a view: the light of every pixel, and how far its sight goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landtool.synth import shadow
+from landtool.synth.decals import Window, decal_light
+from landtool.synth.floor import Floor, render_floor
+from landtool.synth.mesh import Mesh
+from landtool.synth.print_layer import PrintLayer, print_layer
+from landtool.synth.raster import Raster, paint
+from landtool.synth.scene import Scene, Target
+from landtool.synth.sheet import glare
+from landtool.synth.surfaces import PRINT, Surfaces, surfaces_of
+from landtool.synth.view import Map, View
+
+Linear = NDArray[np.float32]
+Layers = dict[int, tuple[Window, Linear]]
+
+
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """What reaches the camera. linear: (H, W, 3) float32 light, blue first, not clipped, without fog.
+
+    depth_m, distance_m: (H, W) along the optical axis and along the ray, inf in the sky. x_m, y_m: (H, W) place on
+    the ground below what a pixel sees. platform: (H, W) share of a pixel that sees the pad, its carrier or what lies
+    on it; None without a pad. hidden: share of the disc inside the ring, of its part in the picture, that something
+    hides. shaded: share of that part in shadow.
+    """
+
+    linear: Linear
+    depth_m: Map
+    distance_m: Map
+    x_m: Map
+    y_m: Map
+    platform: Map | None = None
+    hidden: float = 0.0
+    shaded: float = 0.0
+
+
+def render(scene: Scene, view: View) -> Rendered:
+    """Return the picture of a scene in clear air."""
+    target = scene.target
+    bodies = _bodies(scene)
+    floor = render_floor(scene, view, bodies)
+    surfaces = surfaces_of(scene, view)
+    raster = paint(view, surfaces.polygons)
+    layers: Layers = {}
+    for id, decal in surfaces.decals.items():
+        layer = decal_light(view, decal, scene.sun, floor)
+        if layer is not None:
+            layers[id] = layer
+    sheet = None if target is None else print_layer(view, target)
+    lit = None
+    if target is not None:
+        lit = _lit_on_pad(scene, view, target, bodies)
+        if sheet is not None:
+            layers[PRINT] = (sheet.window, _print_light(scene, view, target, sheet, lit))
+    linear = _composed(raster, surfaces, floor, layers, lit)
+    depth = _depth(raster, surfaces, floor, sheet, view)
+    x, y = view.lens
+    distance = depth * np.sqrt(x * x + y * y + np.float32(1.0))
+    hidden, shaded = _covered(target, sheet, raster, lit)
+    platform = None if target is None else _platform(raster, surfaces)
+    return Rendered(linear, depth, distance, floor.x_m, floor.y_m, platform, hidden, shaded)
+
+
+def _bodies(scene: Scene) -> list[Mesh]:
+    """Return everything that throws a shadow, in the world."""
+    target = scene.target
+    carried = () if target is None else (m.moved(target.world_T_pad) for m in (*target.carrier, *target.above))
+    return [*chain.from_iterable(scene.things), *carried, *chain.from_iterable(scene.shades)]
+
+
+def _lit_on_pad(scene: Scene, view: View, target: Target, bodies: list[Mesh]) -> Map:
+    """Return the share of sunlight (H, W) that reaches the level of the pad."""
+    place = target.world_T_pad.translation
+    above = [m for m in bodies if m.points_m[:, 2].max() > place[2] + 0.005]
+    depth = float(view.in_camera(place[None])[0, 2])
+    return shadow.lit(view, scene.sun, above, float(place[2]), max(depth, 0.1))
+
+
+def _print_light(scene: Scene, view: View, target: Target, sheet: PrintLayer, lit: Map) -> Linear:
+    """Return the light (h, w, 3) of the print: what its colours give back, and the sun's mirror image in its gloss."""
+    up = target.world_T_pad.rotation[:, 2]
+    facing = max(float(up @ np.array(scene.sun.direction)), 0.0)
+    sun, sky = (np.array(c, np.float32) for c in (scene.sun.sun, scene.sun.sky))
+    reach = lit[sheet.window]
+    light = np.empty_like(sheet.albedo)
+    shine = None
+    if target.sheet.gloss > 0.0 and facing > 0.0:
+        rays = [r[sheet.window] for r in view.rays]
+        shine = target.sheet.gloss * reach * glare(up, rays, scene.sun.direction, target.sheet.roughness)
+    for c in range(3):
+        light[:, :, c] = sheet.albedo[:, :, c] * (sky[c] + reach * (sun[c] * np.float32(facing)))
+        if shine is not None:
+            light[:, :, c] += shine * sun[c]
+    return light
+
+
+def _composed(raster: Raster, surfaces: Surfaces, floor: Floor, layers: Layers, lit: Map | None) -> Linear:
+    """Return the picture: whole pixels from what they see, mixed ones from their shares."""
+    picture = floor.light
+    flat = picture.reshape(-1, 3)
+    mixed, ids = raster.mixed, raster.mixed_ids
+    both = surfaces.sky + surfaces.sun
+    shade = np.where(surfaces.tops[:, None], surfaces.sun, np.float32(0.0))
+    blend = _mean(both, ids) + (ids == 0).mean(axis=1, dtype=np.float32)[:, None] * flat[mixed]
+    if lit is not None:
+        blend -= _mean(shade, ids) * (1.0 - lit.ravel()[mixed])[:, None]
+    for id, (window, light) in layers.items():
+        part = ids == id
+        some = np.flatnonzero(part.any(axis=1))
+        if len(some):
+            whole = np.zeros_like(picture)
+            whole[window] = light
+            weight = part[some].mean(axis=1, dtype=np.float32)[:, None]
+            blend[some] += weight * whole.reshape(-1, 3)[mixed[some]]
+    seen = np.flatnonzero(raster.centre)
+    kind = raster.centre.ravel()[seen]
+    flat[seen] = both[kind]
+    if lit is not None:
+        top = surfaces.tops[kind]
+        flat[seen[top]] -= surfaces.sun[kind[top]] * (1.0 - lit.ravel()[seen[top]])[:, None]
+    for id, (window, light) in layers.items():
+        here = raster.centre[window] == id
+        picture[window][here] = light[here]
+    flat[mixed] = blend
+    return picture
+
+
+def _mean(table: NDArray[np.float32], ids: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """Return the mean (M, C) of the table's rows for ids (M, K)."""
+    total = np.zeros((len(ids), table.shape[1]), np.float32)
+    for column in ids.T:
+        total += table[column]
+    return total / np.float32(ids.shape[1])
+
+
+def _depth(raster: Raster, surfaces: Surfaces, floor: Floor, sheet: PrintLayer | None, view: View) -> Map:
+    """Return the depth (H, W) of what is in the middle of each pixel."""
+    depth = floor.depth_m.copy()
+    seen = np.flatnonzero(raster.centre)
+    if len(seen):
+        plane = surfaces.planes[raster.centre.ravel()[seen]]
+        # n . (s ray) = d
+        along = sum(plane[:, i] * view.rays[i].ravel()[seen] for i in range(3))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = plane[:, 3] / along
+        # the face of a grazing sight, whose plane says nothing
+        depth.ravel()[seen] = np.where((found > 0) & np.isfinite(found), found, depth.ravel()[seen])
+    if sheet is not None:
+        here = raster.centre[sheet.window] == PRINT
+        depth[sheet.window][here] = sheet.depth_m[here]
+    return depth
+
+
+def _covered(target: Target | None, sheet: PrintLayer | None, raster: Raster, lit: Map | None) -> tuple[float, float]:
+    """Return the hidden and the shaded share of the disc inside the ring, of its part in the picture."""
+    if target is None or sheet is None or target.pad.ring is None or lit is None:
+        return 0.0, 0.0
+    radius = target.pad.ring.outer * target.pad.diameter_m / 2.0
+    disc = sheet.x_m**2 + sheet.y_m**2 <= radius * radius
+    total = int(disc.sum())
+    if not total:
+        return 0.0, 0.0
+    seen = raster.coverage(PRINT)[sheet.window][disc]
+    return float(1.0 - seen.mean()), float(1.0 - lit[sheet.window][disc].mean())
+
+
+def _platform(raster: Raster, surfaces: Surfaces) -> Map:
+    share: Map = surfaces.platform[raster.centre].astype(np.float32)
+    if len(raster.mixed):
+        share.ravel()[raster.mixed] = surfaces.platform[raster.mixed_ids].mean(axis=1, dtype=np.float32)
+    return share

@@ -1,0 +1,184 @@
+"""What is around the pad, drawn at random: the ground, what is painted on it, other bodies, and signs like the pad."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from landtool.geometry import Array, Pose, rotation_from_rotvec
+from landtool.pad import PadSpec
+from landtool.synth import markings
+from landtool.synth.domain import Domain, chance
+from landtool.synth.grounds import KINDS, VARIANTS, GroundTexture, ground, photo_ground
+from landtool.synth.mesh import Mesh, Thing, box, place
+from landtool.synth.scene import Decal, Mark, Region
+from landtool.synth.signs import random_sign
+from landtool.synth.things import CARRIERS, PROPS
+from landtool.synth.view import View
+
+# the seed of the grounds themselves: they are the same in every data set, and drawn once in a process
+_GROUND_SEED = 7
+_PHOTOS_KEPT = 6
+# grounds on which a driver's markings lie, and how often each layout is drawn there
+_LAYOUTS = {
+    "asphalt": ((markings.road, 0.35), (markings.parking_lot, 0.3), (markings.crossing, 0.1)),
+    "concrete": ((markings.apron, 0.6),),
+}
+_TINT = 0.12
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """kind: name of the ground. The rest as in `Scene`; signs: names of those in the scene."""
+
+    kind: str
+    ground: GroundTexture
+    marks: tuple[Mark, ...] = ()
+    regions: tuple[Region, ...] = ()
+    things: tuple[Thing, ...] = ()
+    decals: tuple[Decal, ...] = ()
+    signs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Lot:
+    """Where things may be put. view: the camera. keep_m: radius about the origin that stays free. scale: of all."""
+
+    view: View
+    keep_m: float
+    scale: float
+
+
+def random_ground(
+    domain: Domain, photos: Sequence[Path], scale: float, rng: np.random.Generator
+) -> tuple[str, GroundTexture]:
+    """Return a ground and its name: one of the drawn kinds, or a photograph; everything on it `scale` times as large."""
+    if photos and chance(rng, domain.photographs):
+        texture = _photo(photos[int(rng.integers(len(photos)))])
+        tile_m = texture.tile_m * float(rng.uniform(0.6, 1.7))
+        kind = "photograph"
+    else:
+        kind = KINDS[int(rng.integers(len(KINDS)))]
+        texture = ground(kind, int(rng.integers(VARIANTS)), _GROUND_SEED)
+        tile_m = texture.tile_m * float(rng.uniform(0.8, 1.3))
+    tint = tuple(float(t) for t in np.exp(rng.normal(0.0, _TINT) + rng.normal(0.0, 0.03, 3)))
+    grain = texture.grain_tile_m * scale
+    return kind, replace(texture, tile_m=tile_m * scale, grain_tile_m=grain, tint=tint)
+
+
+def furnish(
+    domain: Domain,
+    pad: PadSpec,
+    lot: Lot,
+    floor: tuple[str, GroundTexture],
+    sign_count: int,
+    rng: np.random.Generator,
+) -> Surroundings:
+    """Return the surroundings of one picture on the given ground."""
+    kind, texture = floor
+    marks, regions, things = _layout(kind, lot.scale, rng)
+    count = int(min(rng.poisson(domain.things), 14))
+    bodies = [_prop(lot, rng) for _ in range(count)]
+    signs = [_sign(pad, lot, rng) for _ in range(sign_count)]
+    stands = [thing for _, _, thing in signs if thing]
+    return Surroundings(
+        kind,
+        texture,
+        marks,
+        regions,
+        tuple(t for t in (*things, *bodies, *stands) if t),
+        tuple(decal for _, decal, _ in signs),
+        tuple(name for name, _, _ in signs),
+    )
+
+
+def _layout(
+    kind: str, scale: float, rng: np.random.Generator
+) -> tuple[tuple[Mark, ...], tuple[Region, ...], tuple[Thing, ...]]:
+    """Return markings, other grounds and kerbs of a street or yard, turned and moved as a whole."""
+    marks: list[Mark] = []
+    regions: list[Region] = []
+    things: list[Thing] = []
+    layouts = [make for make, share in _LAYOUTS.get(kind, ()) if rng.random() < share][:1]
+    if kind not in ("water", "snow", "grass", "photograph"):
+        layouts += [make for make in (markings.stains, markings.cracks) if rng.random() < 0.35]
+    turn, shift = float(rng.uniform(-math.pi, math.pi)), rng.uniform(-4.0, 4.0, 2)
+    world_T_layout = Pose.from_rotvec([*shift, 0.0], [0.0, 0.0, turn])
+    for make in layouts:
+        layout = make(rng)
+        marks += [
+            replace(
+                m, polygons_m=tuple(_moved(p, world_T_layout, scale) for p in m.polygons_m), soft_m=m.soft_m * scale
+            )
+            for m in layout.marks
+        ]
+        for polygon, name in layout.regions:
+            other = ground(name, int(rng.integers(VARIANTS)), _GROUND_SEED)
+            other = replace(other, tile_m=other.tile_m * scale, grain_tile_m=other.grain_tile_m * scale)
+            regions.append(Region(_moved(polygon, world_T_layout, scale), other, 0.06 * scale))
+        things += [place(tuple(mesh.stretched(scale) for mesh in thing), world_T_layout) for thing in layout.things]
+    return tuple(marks), tuple(regions), tuple(things)
+
+
+def _moved(polygon: Array, world_T_layout: Pose, scale: float) -> Array:
+    flat = np.column_stack([polygon * scale, np.zeros(len(polygon))])
+    return world_T_layout.apply(flat)[:, :2]
+
+
+def _prop(lot: Lot, rng: np.random.Generator) -> Thing:
+    """Return a body somewhere in the picture, or nothing when there is no room."""
+    names = tuple(PROPS)
+    thing = tuple(mesh.stretched(lot.scale) for mesh in PROPS[names[int(rng.integers(len(names)))]](rng))
+    reach = max(float(np.abs(mesh.points_m[:, :2]).max()) for mesh in thing)
+    spot = _spot(lot, reach + lot.keep_m, rng)
+    return () if spot is None else place(thing, spot)
+
+
+def _spot(lot: Lot, keep_m: float, rng: np.random.Generator) -> Pose | None:
+    """Return a place on the ground that the camera sees, at least keep_m from the origin, turned at random."""
+    camera, eye = lot.view.camera, lot.view.world_T_camera
+    turn = float(rng.uniform(-math.pi, math.pi))
+    pixels = rng.uniform(-0.1, 1.1, (6, 2)) * (camera.width, camera.height)
+    rays = np.column_stack([camera.normalize(pixels), np.ones(len(pixels))]) @ eye.rotation.T
+    for ray in rays:
+        if ray[2] < -0.2 * np.linalg.norm(ray):
+            spot = eye.translation + ray * (eye.translation[2] / -ray[2])
+            if np.hypot(spot[0], spot[1]) > keep_m:
+                return Pose.from_rotvec([spot[0], spot[1], 0.0], [0.0, 0.0, turn])
+    return None
+
+
+def _sign(pad: PadSpec, lot: Lot, rng: np.random.Generator) -> tuple[str, Decal, Thing]:
+    """Return a sign like the pad, on the ground, on a board, a box or a vehicle, with what it lies on."""
+    name, picture = random_sign(rng, pad)
+    side = pad.extent_m * float(np.exp(rng.uniform(math.log(0.35), math.log(1.5))))
+    pose = _spot(lot, lot.keep_m + 0.8 * side, rng)
+    if pose is None:
+        # with a large pad in sight the sign lies outside of the picture, where it does no harm
+        pose = Pose.from_rotvec([lot.keep_m + 30.0 * side, 0.0, 0.0], [0.0, 0.0, 0.0])
+    kind = rng.random()
+    if kind < 0.45:
+        return name, Decal(picture, pose @ _lifted(0.004), side), ()
+    if kind < 0.75:
+        high = float(rng.uniform(0.02, 0.5)) * side
+        white = float(rng.uniform(0.35, 0.8))
+        stand: tuple[Mesh, ...] = (box((1.04 * side, 1.04 * side, high), (0.0, 0.0, high / 2.0), (white,) * 3),)
+        return name, Decal(picture, pose @ _lifted(high + 0.002), side), place(stand, pose)
+    carriers = tuple(CARRIERS)
+    carrier = CARRIERS[carriers[int(rng.integers(len(carriers)))]](rng, side)
+    world_T_top = pose @ _lifted(carrier.pad_height_m)
+    return name, Decal(picture, world_T_top @ _lifted(0.004), side), place(carrier.thing, world_T_top)
+
+
+def _lifted(height_m: float) -> Pose:
+    return Pose(rotation_from_rotvec([0.0, 0.0, 0.0]), np.array([0.0, 0.0, height_m]))
+
+
+@lru_cache(maxsize=_PHOTOS_KEPT)
+def _photo(path: Path) -> GroundTexture:
+    return photo_ground(path, np.random.default_rng(_GROUND_SEED))
