@@ -42,38 +42,43 @@ def grime(rng: Generator, dirtiness: float) -> Field:
 
 
 def soil_picture(picture: NDArray[np.uint8], rng: Generator, dirtiness: float) -> None:
-    """Dirty and wear the colours of a picture (n, n, 4) uint8 of at most 512 a side, sRGB blue first, in place."""
+    """Dirty and scratch a picture (n, n, 4) uint8 of at most 512 a side, sRGB blue first and coverage, in place."""
     n = picture.shape[0]
-    patch = noise(rng, _PATCHY, 1.0)[:n, :n]
-    # what is dirt on white is dust on black: mixed with one grey, in the picture's own values
-    cover = _ramp(patch, 1.0 - 0.65 * dirtiness, 0.25) * np.float32(rng.uniform(0.15, 0.55) * math.sqrt(dirtiness))
-    cover += noise(rng, _GRAINY, 1.0)[:n, :n] * np.float32(0.12 * dirtiness)
-    dirt = np.full((n, n, 3), 0, np.float32)
-    cv2.rectangle(dirt, (0, 0), (n, n), (rng.uniform(75, 125), rng.uniform(90, 130), rng.uniform(100, 140)), cv2.FILLED)
-    clean = picture[:, :, :3].astype(np.float32)
-    picture[:, :, :3] = np.clip(cv2.blendLinear(clean, dirt, 1.0 - cover, cover), 0.0, 255.0)
+    cover = _ramp(noise(rng, _PATCHY, 0.8, n), 1.0 - 0.65 * dirtiness, float(rng.uniform(0.05, 0.3)))
+    cover *= np.float32(rng.uniform(0.15, 0.55) * math.sqrt(dirtiness))
+    cover += noise(rng, _GRAINY, 0.8, n) * np.float32(0.12 * dirtiness)
+    dirt = np.empty((n, n, 3), np.float32)
+    cv2.rectangle(
+        dirt, (0, 0), (n, n), tuple(rng.uniform(70, 130) * rng.uniform((0.8, 0.93, 1.0), (1.0, 1.0, 1.07))), cv2.FILLED
+    )
+    colors = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGRA2BGR), dtype=np.float32)
+    colors = np.asarray(cv2.blendLinear(colors, dirt, 1.0 - cover, cover))
+    soiled = np.asarray(colors, dtype=np.uint8)
     for _ in range(rng.poisson(2.0 * dirtiness)):
-        start, end = rng.integers(0, n, 2), rng.integers(0, n, 2)
-        shade = float(rng.uniform(40, 220))
-        alpha = int(picture[min(start[1], n - 1), start[0], 3])
-        if alpha:
-            near = start + (end - start) * rng.uniform(0.1, 0.5)
-            part = np.ascontiguousarray(picture[:, :, :3])
-            cv2.line(part, _point(start), _point(near), (shade, shade, shade), 1, cv2.LINE_AA)
-            picture[:, :, :3] = part
+        line = np.rint(_scratch(rng) * 8.0).astype(np.int32)
+        cv2.polylines(soiled, [line], False, (float(rng.uniform(40, 220)),) * 3, 1, cv2.LINE_AA, 4)
+    picture[:, :, :3] = soiled
 
 
-def noise(rng: Generator, falloff: float, zoom: float) -> Field:
-    """Return a (512, 512) float32 field, about evenly spread between 0 and 1.
+def wear_off(picture: NDArray[np.uint8], rng: Generator) -> None:
+    """Rub paint off in patches: lower the coverage of a picture (n, n, 4) of at most 512 a side, in place."""
+    n = picture.shape[0]
+    left = _ramp(noise(rng, _GRAINY, 0.8, n), float(rng.uniform(-0.3, 0.45)), 0.25)
+    cover = picture[:, :, 3] * left
+    picture[:, :, 3] = cover
+
+
+def noise(rng: Generator, falloff: float, zoom: float, size: int = _SIDE) -> Field:
+    """Return a (size, size) float32 field, about evenly spread between 0 and 1.
 
     falloff: power with which its detail gets weaker with frequency. zoom: size of its features, 0.6 or more.
     """
     field = _noise_field(falloff, int(rng.integers(_VARIANTS)))
-    side = min(round(_SIDE / zoom), _FIELD_SIDE)
+    side = min(round(size / zoom), _FIELD_SIDE)
     x, y = rng.integers(0, _FIELD_SIDE - side + 1, 2)
     window = field[y : y + side, x : x + side]
     turned = cv2.flip(cv2.transpose(window), 0) if rng.random() < 0.5 else window
-    return np.asarray(cv2.resize(turned, (_SIDE, _SIDE), interpolation=cv2.INTER_LINEAR), dtype=np.float32)
+    return np.asarray(cv2.resize(turned, (size, size), interpolation=cv2.INTER_LINEAR), dtype=np.float32)
 
 
 @lru_cache(maxsize=16)
