@@ -9,6 +9,7 @@ import sys
 PARTS = {
     "tags": ("bench.tags", "reading rate, corner error and time of the tag reader against two AprilTag bindings"),
     "track": ("bench.track", "pose by distance, mirror poses, time a frame, memory"),
+    "generate": ("bench.generate", "images a second, memory, where the time goes, corner truth, correlations"),
     "recordings": ("bench.recordings", "landtool track on the real and path-traced recordings beside the project"),
 }
 

@@ -19,7 +19,8 @@ AGAIN = "generate the data set again"
 _BOX = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")
 _CORNERS = tuple(f"tag_{axis}{i}_px" for i in range(4) for axis in "xy")
 _NUMBERS = ("size_px", "visible_fraction", "height_m", "tilt_rad", "yaw_rad", "beta_per_m", "light", "shadow")
-_BLURS = ("defocus_px", "motion_px")
+# deviation of a Gaussian of sigma 1, a disc of radius 1 and a line of length 1
+_BLUR_SIGMA = {"psf_sigma_px": 1.0, "defocus_radius_px": 0.5, "motion_px": 12.0**-0.5}
 _COLUMNS: Columns = {
     "file": str,
     "present": int,
@@ -34,8 +35,8 @@ _COLUMNS: Columns = {
 class Facts:
     """N pictures of width x height; what is said of a pad is NaN or empty where none is in the picture.
 
-    files: relative to the data set. present: (N,) bool. numbers: columns of truth.csv (N,) by name. blur_px: (N,) of
-    everything that was applied. box_px: (N, 4) x_min, y_min, x_max, y_max; tag_corners_px: (N, 4, 2). ground,
+    files: relative to the data set. present: (N,) bool. numbers: columns of truth.csv (N,) by name. blur_px: (N,)
+    deviation of everything that blurs. box_px: (N, 4) x_min, y_min, x_max, y_max; tag_corners_px: (N, 4, 2). ground,
     carrier: names; signs: of each picture.
     """
 
@@ -89,7 +90,7 @@ def read_facts(dataset: Path) -> Facts:
         tag_corners_px=np.where(present[:, None, None], corners, np.nan),
         ground=tuple(table.texts("ground")),
         carrier=tuple(table.texts("carrier")),
-        signs=tuple(tuple(filter(None, text.split(";"))) for text in table.texts("signs")),
+        signs=tuple(tuple(text.split()) for text in table.texts("signs")),
     )
 
 
@@ -109,10 +110,10 @@ def _brightness(path: Path) -> float:
 
 
 def _blur(table: ReadTable) -> Array:
-    """Return the root of the squares' sum (N,) of every blur in `applied`, which reads `name=value;name=value`."""
+    """Return the deviation (N,) in pixels of all the blurs in `applied`, which reads `name=value name=value`."""
     total = np.zeros(len(table))
     for i, text in enumerate(table.texts("applied")):
-        for name, _, value in (part.partition("=") for part in text.split(";")):
-            if name in _BLURS:
-                total[i] += float(value) ** 2
+        for name, _, value in (part.partition("=") for part in text.split()):
+            if name in _BLUR_SIGMA:
+                total[i] += (_BLUR_SIGMA[name] * float(value)) ** 2
     return np.sqrt(total)

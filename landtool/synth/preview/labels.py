@@ -13,13 +13,13 @@ from landtool.errors import InputError
 from landtool.geometry import Array
 from landtool.io.images import PictureError, read_picture
 from landtool.io.labels import LabelledImage, read_yolo
-from landtool.strokes import DARK, GREEN, SKY, VERMILLION, Color, Pen
+from landtool.strokes import DARK, SKY, VERMILLION, YELLOW, Pen
 from landtool.synth.preview.facts import AGAIN
 from landtool.synth.preview.sheet import fitted
 from landtool.types import Image
 
 _APART_PX = 2.0  # the box is drawn this far outside, so that it covers nothing of a small pad
-_SEEN_TAG_PX = 4.0  # side of the smallest tag whose corners are drawn one by one
+_SEEN_TAG_PX = 6.0  # side of the smallest tag that is not merely covered by its outline
 
 
 def read_labels(dataset: Path, files: Iterable[str]) -> dict[str, LabelledImage]:
@@ -38,8 +38,8 @@ def read_labels(dataset: Path, files: Iterable[str]) -> dict[str, LabelledImage]
 def labelled(image: LabelledImage, tag_corners_px: Array, width: int, height: int) -> Image:
     """Return a picture inside width x height pixels, with its labels and the name of its file.
 
-    Green: its boxes. Blue: the tag (4, 2), which may be NaN, its first corner red. Raises InputError for a picture that
-    cannot be decoded.
+    Yellow: its boxes. Blue: the tag (4, 2), which may be NaN, its first corner red.
+    Raises InputError for a picture that cannot be decoded.
     """
     try:
         whole = read_picture(image.path).image
@@ -52,8 +52,8 @@ def labelled(image: LabelledImage, tag_corners_px: Array, width: int, height: in
         low = _scaled([box.x_min_px, box.y_min_px], scale) - _APART_PX
         high = _scaled([box.x_max_px, box.y_max_px], scale) + _APART_PX
         low, high = np.maximum(low, 0.0), np.minimum(high, far)
-        _thin(drawn, np.array([low, [high[0], low[1]], high, [low[0], high[1]]]), GREEN)
-    _tag(drawn, _scaled(tag_corners_px, scale))
+        pen.line(drawn, np.array([low, [high[0], low[1]], high, [low[0], high[1]]]), YELLOW, closed=True)
+    _tag(drawn, pen, _scaled(tag_corners_px, scale))
     pen.label(drawn, image.path.stem, 0, 0, DARK)
     return drawn
 
@@ -64,20 +64,11 @@ def _scaled(points_px: ArrayLike, scale: float) -> Array:
     return scaled
 
 
-def _tag(image: Image, corners_px: Array) -> None:
+def _tag(image: Image, pen: Pen, corners_px: Array) -> None:
     """Outline the tag; its first corner tells how it lies."""
     if not np.isfinite(corners_px).all():
         return
-    _thin(image, corners_px, SKY)
-    if np.linalg.norm(corners_px - np.roll(corners_px, 1, axis=0), axis=1).min() >= _SEEN_TAG_PX:
-        height, width = image.shape[:2]
-        first = corners_px[0]
-        if (first > -0.5).all() and (first < (width, height)).all():
-            centre = [int(v) for v in np.round(first * 16.0)]
-            cv2.circle(image, centre, 24, VERMILLION, cv2.FILLED, cv2.LINE_AA, 4)
-
-
-def _thin(image: Image, points_px: Array, color: Color) -> None:
-    """Draw a closed line of one pixel; far points of a tag that fills the picture are kept from overflowing."""
-    points = np.clip(np.round(points_px * 16.0), -(2**24), 2**24).astype(np.int32)
-    cv2.polylines(image, [points], True, color, 1, cv2.LINE_AA, 4)
+    side = np.linalg.norm(corners_px - np.roll(corners_px, 1, axis=0), axis=1).min()
+    if side >= _SEEN_TAG_PX:
+        pen.line(image, corners_px, SKY, closed=True)
+        pen.disc(image, corners_px[0], 1.5, VERMILLION)

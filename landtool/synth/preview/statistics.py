@@ -95,6 +95,7 @@ def _histogram(axes: Axes, values: Array, title: str, *, log: bool = False) -> N
         edges = np.geomspace(low, max(high, low * 1.01), _BINS + 1)
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("")
     else:
         edges = np.histogram_bin_edges(known, _BINS)
     axes.hist(known, bins=edges.tolist(), color=_BLUE)
@@ -127,7 +128,7 @@ def _bars_of(figure: SubFigure, rows: Sequence[Correlation]) -> None:
     values: NDArray[np.float64] = np.nan_to_num([row.coefficient for row in rows])
     colors = [_RED if abs(v) > LIMIT else _BLUE for v in values]
     axes.barh(range(len(rows)), values, color=colors)
-    axes.set_yticks(range(len(rows)), [f"{row.name}  {row.coefficient:+.3f}" for row in rows], fontsize=9)
+    axes.set_yticks(range(len(rows)), [f"{row.name}  {number_text(row.coefficient)}" for row in rows], fontsize=9)
     axes.invert_yaxis()
     for edge in (-LIMIT, LIMIT):
         axes.axvline(edge, color=_GREY, linestyle="--", linewidth=1)
@@ -136,6 +137,11 @@ def _bars_of(figure: SubFigure, rows: Sequence[Correlation]) -> None:
     reach = max(2.0 * LIMIT, 1.05 * float(np.abs(values).max(initial=0.0)))
     axes.set_xlim(-reach, reach)
     axes.set_title("correlation with the logarithm of the pad's size\ngrey: what chance alone gives", fontsize=10)
+
+
+def number_text(coefficient: float) -> str:
+    """Return a coefficient as text, a dash where there is none."""
+    return f"{coefficient:+.3f}" if np.isfinite(coefficient) else "-"
 
 
 def _log(values: Array) -> Array:

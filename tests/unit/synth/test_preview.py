@@ -11,7 +11,7 @@ import pytest
 
 from landtool.errors import InputError, OutputExistsError, UsageError
 from landtool.io.labels import data_yaml
-from landtool.strokes import GREEN, SKY, VERMILLION
+from landtool.strokes import SKY, VERMILLION, YELLOW
 from landtool.synth.preview import dataset_correlations, write_preview
 from landtool.synth.preview.facts import read_facts
 from landtool.synth.preview.labels import labelled, read_labels
@@ -36,9 +36,9 @@ def _row(index: int, rng: np.random.Generator) -> dict[str, object]:
         **{
             "ground": ("sand", "mud")[index % 2],
             "carrier": "box" if present else "",
-            "signs": ";".join(["text", "tyre"] * (index % 3)),
+            "signs": " ".join(["text", "tyre"] * (index % 3)),
         },
-        **{"applied": f"tone=soft;defocus_px={index}"},
+        **{"applied": f"weather=clear-sky defocus_radius_px={2 * index}"},
     }
 
 
@@ -84,12 +84,12 @@ def test_labels_are_drawn_where_they_belong(tmp_path: Path) -> None:
     image = _drawn(dataset, 1, *SIZE)
     # two pixels outside the box on every side, and the tag's first corner marked
     for x, y in ((98, 125), (302, 125), (200, 48), (200, 202)):
-        assert _near(image, x, y, GREEN) < 30
+        assert _near(image, x, y, YELLOW) < 30
     assert _near(image, 220, 120, SKY) < 30
     assert _near(image, 180, 100, VERMILLION) < 30
     assert _near(image, 220, 140, VERMILLION) > 100
     small = _drawn(dataset, 1, 320, 240)
-    assert _near(small, 49 - 2, 62, GREEN) < 60
+    assert _near(small, 49 - 2, 62, YELLOW) < 60
 
 
 def test_nothing_but_its_number_is_drawn_on_a_picture_without_pad(tmp_path: Path) -> None:
