@@ -10,7 +10,6 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
-from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -59,14 +58,28 @@ STAGES = {
 JPEG_CALLS = ("imencode", "imdecode")
 
 # a picture with nothing between the truth and the pixels but a lens and 8 bits
-CLEAN_DOMAIN = replace(
-    Domain(),
-    **dict.fromkeys(("absent", "cut", "curl", "gloss", "occlusion", "shadow", "drone_shadow", "fog"), 0.0),
-    **dict.fromkeys(("defocus", "motion_blur", "rolling_shutter", "rescaled", "bayer", "small_print"), 0.0),
-    **dict.fromkeys(("dirt", "sharpen", "shot_noise", "read_noise"), (0.0, 0.0)),
-    least_visible=1.0,
+CLEAN_DOMAIN = Domain(
     height_m=(0.6, 5.0),
+    absent=0.0,
+    cut=0.0,
+    least_visible=1.0,
+    small_print=0.0,
+    occlusion=0.0,
+    dirt=(0.0, 0.0),
+    curl=0.0,
+    gloss=0.0,
     light=(0.6, 0.9),
+    shadow=0.0,
+    drone_shadow=0.0,
+    fog=0.0,
+    defocus=0.0,
+    motion_blur=0.0,
+    rolling_shutter=0.0,
+    shot_noise=(0.0, 0.0),
+    read_noise=(0.0, 0.0),
+    bayer=0.0,
+    rescaled=0.0,
+    sharpen=(0.0, 0.0),
     jpeg_quality=(100.0, 100.0),
 )
 

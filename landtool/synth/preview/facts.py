@@ -17,7 +17,7 @@ from landtool.io.tables import Columns, ReadTable, read_table
 TRUTH = "truth.csv"
 AGAIN = "generate the data set again"
 _BOX = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")
-_CORNERS = tuple(f"tag_{axis}{i}_px" for i in range(4) for axis in "xy")
+_CORNERS = tuple(f"{axis}{i}_px" for i in range(4) for axis in "xy")
 _NUMBERS = ("size_px", "visible_fraction", "height_m", "tilt_rad", "yaw_rad", "beta_per_m", "light", "shadow")
 # deviation of a Gaussian of sigma 1, a disc of radius 1 and a line of length 1
 _BLUR_SIGMA = {"psf_sigma_px": 1.0, "defocus_radius_px": 0.5, "motion_px": 12.0**-0.5}

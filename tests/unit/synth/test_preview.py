@@ -2,67 +2,74 @@
 
 from __future__ import annotations
 
-import csv
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from landtool.camera import Camera
 from landtool.errors import InputError, OutputExistsError, UsageError
-from landtool.io.labels import data_yaml
+from landtool.io.labels import data_yaml, label_path, yolo_rows
+from landtool.io.tables import format_cell
 from landtool.strokes import SKY, VERMILLION, YELLOW
+from landtool.synth.dataset.rows import TRUTH_COLUMNS, boxes_of, truth_row
 from landtool.synth.preview import dataset_correlations, write_preview
 from landtool.synth.preview.facts import read_facts
 from landtool.synth.preview.labels import labelled, read_labels
 from landtool.synth.preview.sheet import contact_sheet, evenly, fitted
+from landtool.synth.sample import Truth
 
 SIZE = (640, 480)
 BOX = (100.0, 50.0, 300.0, 200.0)
 TAG = np.array([[180.0, 100.0], [220.0, 100.0], [220.0, 140.0], [180.0, 140.0]])
-BOX_COLUMNS = ["x_min_px", "y_min_px", "x_max_px", "y_max_px"]
-TAG_COLUMNS = [f"tag_{axis}{i}_px" for i in range(4) for axis in "xy"]
+CAMERA = Camera.from_hfov(*SIZE, 60.0)
 
 
-def _row(index: int, rng: np.random.Generator) -> dict[str, object]:
-    present = index % 5 != 4
-    box = dict(zip(BOX_COLUMNS, BOX, strict=True))
-    corners = dict(zip(TAG_COLUMNS, TAG.ravel(), strict=True))
-    of_pad = box | corners | {"size_px": rng.uniform(8, 400), "visible_fraction": 1.0, "yaw_rad": 0.3, "shadow": 0.0}
-    return {
-        **(of_pad if present else {}),
-        **{"file": f"images/train/{index:06d}.jpg", "present": int(present), "height_m": rng.uniform(1, 20)},
-        **{"tilt_rad": rng.uniform(0, 0.5), "beta_per_m": 0.05 * (index % 2), "light": rng.uniform(0.5, 2)},
-        **{
-            "ground": ("sand", "mud")[index % 2],
-            "carrier": "box" if present else "",
-            "signs": " ".join(["text", "tyre"] * (index % 3)),
-        },
-        **{"applied": f"weather=clear-sky defocus_radius_px={2 * index}"},
-    }
+def _truth(index: int, rng: np.random.Generator) -> Truth:
+    everywhere = Truth(
+        CAMERA,
+        present=False,
+        tilt_rad=rng.uniform(0, 0.5),
+        beta_per_m=0.05 * (index % 2),
+        light=rng.uniform(0.5, 2),
+        ground=("sand", "mud")[index % 2],
+        signs=("text", "old tyre") * (index % 3),
+        applied=(("weather", "clear sky"), ("defocus_radius_px", 2.0 * index)),
+    )
+    if index % 5 == 4:
+        return everywhere
+    return replace(
+        everywhere,
+        present=True,
+        visible_fraction=1.0,
+        box_px=np.array(BOX),
+        tag_corners_px=TAG,
+        size_px=rng.uniform(8, 400),
+        height_m=rng.uniform(1, 20),
+        yaw_rad=0.3,
+        carrier="box",
+    )
 
 
 def _write(folder: Path, count: int = 12) -> Path:
     """A data set of grey pictures, the box white."""
     rng = np.random.default_rng(1)
-    rows = [_row(i, rng) for i in range(count)]
-    for part in ("images", "labels"):
-        (folder / part / "train").mkdir(parents=True)
-    for row in rows:
+    for part in ("images/train", "images/val", "labels/train"):
+        (folder / part).mkdir(parents=True)
+    lines = [",".join(TRUTH_COLUMNS)]
+    for index in range(count):
+        row = truth_row(f"images/train/{index:06d}.jpg", "train", _truth(index, rng))
+        lines.append(",".join(format_cell(row[name]) for name in TRUTH_COLUMNS))
         image = np.full((SIZE[1], SIZE[0], 3), 100, np.uint8)
-        label = folder / str(row["file"]).replace("images", "labels").replace(".jpg", ".txt")
-        label.write_text("")
         if row["present"]:
             image[50:200, 100:300] = 255
-            x, y = (BOX[0] + BOX[2]) / 2 + 0.5, (BOX[1] + BOX[3]) / 2 + 0.5
-            label.write_text(f"0 {x / 640} {y / 480} {200 / 640} {150 / 480}\n")
-        assert cv2.imwrite(str(folder / str(row["file"])), image)
+        path = folder / str(row["file"])
+        assert cv2.imwrite(str(path), image)
+        label_path(path).write_text(yolo_rows(boxes_of(row), *SIZE))
     (folder / "data.yaml").write_text(data_yaml(["pad"], ["train", "val"]))
-    (folder / "images" / "val").mkdir()
-    with (folder / "truth.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, [*rows[0]], lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    (folder / "truth.csv").write_text("\n".join(lines) + "\n")
     return folder
 
 
@@ -135,7 +142,7 @@ def test_facts_are_those_of_the_table(tmp_path: Path) -> None:
     np.testing.assert_allclose(facts.place[0], [200.5 / 640, 125.5 / 480])
     assert np.isnan(facts.place[4]).all()
     np.testing.assert_allclose(facts.blur_px, range(12))
-    assert facts.signs[:3] == ((), ("text", "tyre"), ("text", "tyre") * 2)
+    assert facts.signs[:3] == ((), ("text", "old-tyre"), ("text", "old-tyre") * 2)
 
 
 @pytest.mark.parametrize("broken", ["picture", "label", "no split", "truth"])
