@@ -113,7 +113,8 @@ def circle(radius_m: float, sides: int) -> Array:
 
 def rounded(length_m: float, width_m: float, radius_m: float, *, steps: int = 3) -> Array:
     """Return the outline (4 (steps + 1), 2) of a rectangle with round corners, counter-clockwise, length along x."""
-    radius = min(radius_m, length_m / 2.0, width_m / 2.0)
+    # just less than half a side, so that no two points fall together
+    radius = min(radius_m, 0.49 * length_m, 0.49 * width_m)
     inner = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (length_m / 2.0 - radius, width_m / 2.0 - radius)
     quarter = np.linspace(0.0, np.pi / 2.0, steps + 1)
     arcs = [

@@ -95,7 +95,8 @@ def _lying(rng: Generator, outline_m: Array, at_m: Array, z_m: float) -> Array:
     turn, tilt = rng.uniform(0.0, 6.3), rng.uniform(-0.15, 0.15, 2)
     c, s = np.cos(turn), np.sin(turn)
     xy = outline_m @ np.array([[c, s], [-s, c]])
-    return np.column_stack([xy + at_m, np.maximum(z_m + xy @ tilt, 0.001)])
+    rise = xy @ tilt
+    return np.column_stack([xy + at_m, rise + max(z_m, 0.001 - float(rise.min()))])
 
 
 _KINDS: tuple[Callable[[Generator, float], Thing], ...] = (_cable, _strap, _parcel, _leaf, _branch, _arm, _pole, _can)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
@@ -46,18 +46,16 @@ class _Shape:
         return tuple(float(self.length / 2.0 - s) for s in steps)  # type: ignore[return-value]
 
 
-def sedan(rng: Generator, side_m: float, keep_m: float) -> Body:
-    """Return a saloon car; the pad lies on its roof."""
-    return _closed_car(
-        rng, _shape(rng, side_m, roof=(1.2, 1.5), rear=(0.5, 0.8), boot=(0.4, 0.8), high=(1.38, 1.5)), keep_m
-    )
+def sedan(rng: Generator, side_m: float, keep_m: float, *, body: Albedo | None = None) -> Body:
+    """Return a saloon car, of a colour drawn if none is given; the pad lies on its roof."""
+    shape = _shape(rng, side_m, roof=(1.2, 1.5), rear=(0.5, 0.8), boot=(0.4, 0.8), high=(1.38, 1.5))
+    return _closed_car(rng, shape if body is None else replace(shape, body=body), keep_m)
 
 
-def suv(rng: Generator, side_m: float, keep_m: float) -> Body:
-    """Return an estate car or an off-road car; the pad lies on its roof."""
-    return _closed_car(
-        rng, _shape(rng, side_m, roof=(1.8, 2.3), rear=(0.15, 0.4), boot=(0.05, 0.12), high=(1.55, 1.85)), keep_m
-    )
+def suv(rng: Generator, side_m: float, keep_m: float, *, body: Albedo | None = None) -> Body:
+    """Return an estate car or an off-road car, of a colour drawn if none is given; the pad lies on its roof."""
+    shape = _shape(rng, side_m, roof=(1.8, 2.3), rear=(0.15, 0.4), boot=(0.05, 0.12), high=(1.55, 1.85))
+    return _closed_car(rng, shape if body is None else replace(shape, body=body), keep_m)
 
 
 def van(rng: Generator, side_m: float, keep_m: float) -> Body:
@@ -69,24 +67,24 @@ def van(rng: Generator, side_m: float, keep_m: float) -> Body:
     return _closed_car(rng, shape, keep_m, blind=rng.random() < 0.6)
 
 
-def pickup(rng: Generator, side_m: float, keep_m: float) -> Body:
+def pickup(rng: Generator, _: float, keep_m: float) -> Body:
     """Return a pickup; the pad lies in its bed, or on the bed's cover."""
-    bed = max(float(rng.uniform(1.5, 1.9)), side_m * 1.04 + 0.1)
+    bed = max(float(rng.uniform(1.5, 1.9)), keep_m + 0.25)
     shape = _shape(
         rng, 0.0, roof=(0.9, 1.7), rear=(0.08, 0.2), boot=(bed, bed), high=(1.6, 1.8),
-        width=(max(1.8, side_m * 1.02 + 0.24), max(2.0, side_m * 1.02 + 0.3)),
+        width=(max(1.8, keep_m + 0.4), max(2.0, keep_m + 0.45)),
     )  # fmt: skip
     covered = bool(rng.random() < 0.4)
-    *_, foot, tail = shape.stations
-    deck_z = shape.belt_z if covered else shape.belt_z - float(rng.uniform(0.25, 0.42))
+    foot, tail = shape.stations[4:]
+    deck_z = shape.belt_z if covered else shape.nose_z + float(rng.uniform(0.01, 0.08))
     floor = paint.plain(rng)
     # the cab's half of the body ends where the bed begins, so that the bed can be painted below it
     parts: list[Mesh] = [*_under(rng, shape), *_bed(rng, shape, deck_z, floor, covered), _upper(shape, foot)]
     parts += [_skin(rng, shape, parts[-1], tail_lights=False), *_mirrors(shape), *_cabin(rng, shape, blind=False)]
-    x = (foot + tail) / 2.0
+    x = (foot + tail) / 2.0 + 0.05  # the tailgate takes its share
     if rng.random() < 0.3:
-        parts += gear(rng, shape.stations[3] - 0.3, 0.0, shape.roof_z + 0.05, 0.25)
-    return Body((*parts, *_beside(rng, x, deck_z, bed - 0.15, shape.width - 0.2, keep_m)), (x, 0.0, deck_z), floor)
+        parts += gear(rng, shape.stations[3] + 0.3, 0.0, shape.roof_z + 0.05, 0.25)
+    return Body((*parts, *_beside(rng, x, deck_z, bed - 0.3, shape.width - 0.2, keep_m)), (x, 0.0, deck_z), floor)
 
 
 def _shape(

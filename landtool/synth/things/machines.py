@@ -17,7 +17,7 @@ _LAMP = paint.srgb((226, 228, 226))
 def flatbed(rng: Generator, side_m: float, keep_m: float) -> Body:
     """Return a lorry; the pad lies on its load bed behind the cab. Small pads get small lorries."""
     scale = side_m / 1.1
-    length, width = side_m * float(rng.uniform(1.0, 2.2)), side_m * float(rng.uniform(1.02, 1.5))
+    length, width = max(side_m * float(rng.uniform(1.0, 2.2)), keep_m), side_m * float(rng.uniform(1.02, 1.5))
     deck_z, radius = scale * float(rng.uniform(0.6, 0.95)), scale * float(rng.uniform(0.2, 0.28))
     cab_length, gap = scale * float(rng.uniform(0.7, 1.2)), scale * float(rng.uniform(0.06, 0.4))
     whole = length + gap + cab_length
@@ -76,11 +76,8 @@ def rover6(rng: Generator, side_m: float, keep_m: float) -> Body:
     hull = deck_z - 0.04 * scale
     parts.append(slab(length * 0.86, width * 0.74, radius * 0.8, hull * 0.7, _BLACK, radius_m=0.06 * scale))
     parts.append(slab(length * 0.92, width * 0.8, hull * 0.7, hull, body, radius_m=0.08 * scale, inset_m=0.02 * scale))
-    parts += [
-        box((0.12 * scale, 0.16 * scale, 0.1 * scale), (length * 0.5, s * width * 0.3, hull * 0.75), _LAMP)
-        for s in (1, -1)
-    ]
-    parts += _bumpers(rng, length, width, hull * 0.6, scale, body)
+    parts.append(_lamps(length * 0.47, width * 0.28, hull * 0.9, 0.08 * scale, _LAMP, ahead=True))
+    parts += _bumpers(rng, length, width, hull * 0.6, keep_m, scale, body)
     parts.append(slab(length, width, hull, deck_z, deck, radius_m=scale * float(rng.choice([0.01, 0.06]))))
     parts += _mast(rng, length / 2.0, width, hull, keep_m, scale)
     return Body(tuple(parts), (0.0, 0.0, deck_z), deck)
@@ -100,7 +97,7 @@ def tracked(rng: Generator, side_m: float, keep_m: float) -> Body:
     parts.append(
         box((length * 0.95, width * 0.8, deck_z - 0.1 * scale), (0.0, 0.0, (deck_z + 0.1 * scale) / 2.0), body)
     )
-    parts += _bumpers(rng, length, width * 0.7, high * 0.8, scale, body)
+    parts += _bumpers(rng, length, width * 0.7, high * 0.8, keep_m, scale, body)
     parts.append(slab(length, width, deck_z - 0.03 * scale, deck_z, deck, radius_m=0.03 * scale))
     parts += _mast(rng, length / 2.0, width, high, keep_m, scale)
     return Body(tuple(parts), (0.0, 0.0, deck_z), deck)
@@ -118,7 +115,11 @@ def _wheels(rng: Generator, axles_m: list[float], y_m: float, radius_m: float, w
     """Return pairs of tyres whose middle is at +-y, and their hubs."""
     tyre, hub = paint.rubber(rng), paint.plain(rng)
     spots = [(x, s * (y_m + width_m / 2.0 + 0.003), radius_m) for x in axles_m for s in (1.0, -1.0)]
-    tyres = [wheel(x, s * y_m, radius_m, width_m, tyre, sides=8) for x in axles_m for s in (1.0, -1.0)]
+    tyres = [
+        wheel(x, s * y_m, radius_m, width_m, tyre, sides=8 if len(axles_m) < 3 else 7)
+        for x in axles_m
+        for s in (1.0, -1.0)
+    ]
     return [*tyres, discs(spots, (radius_m * 0.55,), (hub,))]
 
 
@@ -132,8 +133,22 @@ def _deck(rng: Generator, length: float, width: float, x: float, z: float, floor
 
 
 def _tail_lamps(x_m: float, width_m: float, z_m: float, scale: float) -> list[Mesh]:
-    size = (0.05 * scale, 0.2 * scale, 0.09 * scale)
-    return [box(size, (x_m - 0.02 * scale, s * width_m * 0.38, z_m - 0.14 * scale), _RED) for s in (1.0, -1.0)]
+    return [_lamps(x_m, width_m * 0.38, z_m - 0.07 * scale, 0.1 * scale, _RED, ahead=False)]
+
+
+def _lamps(x_m: float, y_m: float, z_m: float, half_m: float, albedo: Albedo, *, ahead: bool) -> Mesh:
+    """Return a pair of lamps at +-y on a front or a back, leaning so that they are seen from above."""
+    rims = []
+    for y in (y_m, -y_m):
+        foot, top = (x_m + (0.06 if ahead else -0.06) * half_m * 10, z_m - half_m), (x_m, z_m)
+        rim = [
+            (foot[0], y - half_m, foot[1]),
+            (foot[0], y + half_m, foot[1]),
+            (top[0], y + half_m, top[1]),
+            (top[0], y - half_m, top[1]),
+        ]
+        rims.append(np.array(rim if ahead else rim[::-1]))
+    return panels(rims, [albedo, albedo])
 
 
 def _boards(length: float, width: float, z: float, high: float, albedo: Albedo) -> list[Mesh]:
@@ -172,16 +187,11 @@ def _cab(
         inset_m=0.04 * scale,
         steps=2,
     )
-    lamps = [
-        box((0.06 * scale, 0.16 * scale, 0.1 * scale), (front, s * half * 0.75, foot + 0.1 * scale), _LAMP)
-        for s in (1, -1)
-    ]
-    mirrors = [
-        box((0.06 * scale, 0.14 * scale, 0.2 * scale), (front - 0.1 * scale, s * (half + 0.06 * scale), belt), _BLACK)
-        for s in (1.0, -1.0)
-    ]
+    lamps = _lamps(front, half * 0.72, foot + 0.2 * scale, 0.1 * scale, _LAMP, ahead=True)
+    size = (0.06 * scale, 0.14 * scale, 0.2 * scale)
+    mirrors = [box(size, (front - 0.1 * scale, s * (half + 0.06 * scale), belt), _BLACK) for s in (1.0, -1.0)]
     beacon = gear(rng, x, 0.0, top + 0.05 * scale, 0.16 * scale) if rng.random() < 0.4 else ()
-    return [*lamps, lower, *mirrors, house, windows, roof, *beacon]
+    return [lower, lamps, *mirrors, house, windows, roof, *beacon]
 
 
 def _track(length: float, y: float, wide: float, high: float, rubber: Albedo) -> list[Mesh]:
@@ -205,7 +215,9 @@ def _track(length: float, y: float, wide: float, high: float, rubber: Albedo) ->
     return [Mesh(m.points_m + (0.0, y, 0.0), m.faces, m.albedo, m.closed, m.casts) for m in (belt, grip)]
 
 
-def _bumpers(rng: Generator, length: float, width: float, z: float, scale: float, body: Albedo) -> list[Mesh]:
+def _bumpers(
+    rng: Generator, length: float, width: float, z: float, keep_m: float, scale: float, body: Albedo
+) -> list[Mesh]:
     """Return bars across front and back, and now and then gear on the front one."""
     reach = length / 2.0 + scale * float(rng.uniform(0.03, 0.15))
     parts: list[Mesh] = [
@@ -213,7 +225,13 @@ def _bumpers(rng: Generator, length: float, width: float, z: float, scale: float
     ]
     if rng.random() < 0.5:
         size = scale * float(rng.uniform(0.12, 0.25))
-        parts += gear(rng, reach, width * float(rng.uniform(-0.3, 0.3)), z + 0.03 * scale, size)
+        parts += gear(
+            rng,
+            max(reach, (keep_m + size) / 2.0 + 0.01 * scale),
+            width * float(rng.uniform(-0.3, 0.3)),
+            z + 0.03 * scale,
+            size,
+        )
     return parts
 
 
@@ -226,5 +244,5 @@ def _mast(rng: Generator, nose_m: float, width_m: float, z_m: float, keep_m: flo
         head = box((0.12 * scale, 0.2 * scale, 0.1 * scale), (x, y, top), paint.plain(rng))
         parts += (bar((x, y, z_m * 0.6), (x, y, top), 0.05 * scale, _BLACK), head)
     if rng.random() < 0.5:
-        parts += antenna(rng, -x, width_m * float(rng.uniform(-0.4, 0.4)), z_m)
+        parts += antenna(rng, -x, width_m * float(rng.uniform(-0.4, 0.4)), z_m, scale)
     return parts

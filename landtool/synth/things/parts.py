@@ -28,7 +28,7 @@ class Body:
 def wheel(x_m: float, y_m: float, radius_m: float, width_m: float, albedo: Albedo, *, sides: int = 10) -> Mesh:
     """Return a tyre on the ground, turning about y, about x and y; faces: left side, tread, right side."""
     rim = circle(radius_m, sides)
-    ring = np.stack([rim[:, 0] + x_m, np.full(sides, y_m), rim[:, 1] + radius_m], axis=1)
+    ring = np.stack([rim[:, 0] + x_m, np.full(sides, y_m), rim[:, 1] - float(rim[:, 1].min())], axis=1)
     return loft(ring + (0.0, width_m / 2.0, 0.0), ring - (0.0, width_m / 2.0, 0.0), albedo)
 
 
@@ -104,14 +104,14 @@ def gear(rng: Generator, x_m: float, y_m: float, z_m: float, size_m: float) -> T
     )
 
 
-def antenna(rng: Generator, x_m: float, y_m: float, z_m: float) -> Thing:
+def antenna(rng: Generator, x_m: float, y_m: float, z_m: float, scale: float = 1.0) -> Thing:
     """Return a thin whip, or a mushroom on a stalk."""
     black = paint.srgb((30, 30, 32))
-    height = float(rng.uniform(0.15, 0.6))
-    lean = rng.normal(0.0, 0.05, 2)
-    whip = bar((x_m, y_m, z_m), (x_m + lean[0], y_m + lean[1], z_m + height), 0.02, black, end_m=0.01)
+    height = scale * float(rng.uniform(0.15, 0.6))
+    lean = scale * rng.uniform(-0.05, 0.05, 2)
+    whip = bar((x_m, y_m, z_m), (x_m + lean[0], y_m + lean[1], z_m + height), 0.02 * scale, black, end_m=0.01 * scale)
     if rng.random() < 0.6:
         return (whip,)
-    cap = cylinder(0.06, z_m + 0.1, z_m + 0.15, paint.srgb((225, 225, 222)), sides=8, taper=0.3)
-    stalk = bar((x_m, y_m, z_m), (x_m, y_m, z_m + 0.1), 0.02, black)
+    cap = cylinder(0.06 * scale, z_m + 0.1 * scale, z_m + 0.15 * scale, paint.srgb((225, 225, 222)), sides=8, taper=0.3)
+    stalk = bar((x_m, y_m, z_m), (x_m, y_m, z_m + 0.1 * scale), 0.02 * scale, black)
     return (stalk, Mesh(cap.points_m + (x_m, y_m, 0.0), cap.faces, cap.albedo))

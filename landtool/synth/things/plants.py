@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from landtool.geometry import Array, rotation_from_rotvec
-from landtool.synth.mesh import Albedo, Mesh, Thing, ball, bar, circle
+from landtool.synth.mesh import Albedo, Mesh, Thing, ball, circle, flat, loft
 from landtool.synth.things import paint
 
 _GREENS: tuple[paint.Rgb, ...] = (
@@ -30,7 +31,9 @@ def tree(rng: Generator) -> Thing:
     tall = float(rng.uniform(2.5, 8.0))
     radius, green = tall * float(rng.uniform(0.22, 0.36)), _green(rng)
     middle = np.array([*rng.normal(0.0, 0.05 * tall, 2), tall * 0.68])
-    trunk = bar((0.0, 0.0, 0.0), middle, 0.05 * tall, _BARK, end_m=0.03 * tall, sides=6)
+    ring = circle(0.025 * tall, 6)
+    x, y, z = (float(a) for a in middle)
+    trunk = loft(flat(ring, 0.0), flat(0.6 * ring, z, x_m=x, y_m=y), _BARK)
     flat_by = float(rng.uniform(0.7, 1.1))
     core = _core(middle, (0.62 * radius, 0.62 * radius, 0.62 * radius * flat_by), paint.dimmed(green, 0.25))
     return (trunk, core, _crown(rng, middle, radius, flat_by, green, count=200, leaf=0.2))
@@ -49,7 +52,8 @@ def tuft(rng: Generator) -> Thing:
     """Return a tuft of weeds, at most 0.3 m tall."""
     tall = float(rng.uniform(0.06, 0.3))
     middle = np.array([0.0, 0.0, tall * 0.5])
-    return (_crown(rng, middle, tall * float(rng.uniform(0.6, 1.2)), 0.3, _green(rng), count=28, leaf=0.3),)
+    leaves = _crown(rng, middle, tall * float(rng.uniform(0.6, 1.2)), 0.3, _green(rng), count=28, leaf=0.3)
+    return (replace(leaves, points_m=leaves.points_m - (0.0, 0.0, float(leaves.points_m[:, 2].min()))),)
 
 
 def crown_shade(rng: Generator, radius_m: float, height_m: float) -> Thing:
@@ -85,7 +89,7 @@ def _crown(
     size = radius_m * leaf * rng.uniform(0.6, 1.3, (count, 1, 1))
     leaves = _leaves()[rng.integers(0, _WAYS, count)] * size
     leaves += (spot * (radius_m, radius_m, radius_m * flat_by) + middle_m)[:, None, :]
-    leaves[..., 2] = np.maximum(leaves[..., 2], 0.0)
+    leaves[..., 2] -= np.minimum(leaves[..., 2].min(axis=1, keepdims=True), 0.0)  # the low ones lie on the ground
     shades = np.array([paint.dimmed(green, gain) for gain in (0.5, 0.85, 1.25)])
     level = np.digitize(spot[:, 2] + rng.normal(0.0, 0.15, count), (-0.15, 0.3))
     return Mesh(leaves.reshape(-1, 3), _leaf_faces(count), shades[level], closed=False, casts=True)
@@ -95,12 +99,12 @@ def _crown(
 def _leaves() -> Array:
     """Return ragged leaves (ways, corners, 3) of radius 1, one for each way they look."""
     ragged = circle(1.0, _CORNERS) * np.array([1.0, 0.72, 1.05, 0.68, 0.95, 0.8])[:, None]
-    flat = np.column_stack([ragged, np.zeros(_CORNERS)])
+    level = flat(ragged, 0.0)
     turns = [np.zeros(3)]
     for i in range(_WAYS - 1):
         angle = 2.0 * np.pi * i / (_WAYS - 1)
         turns.append((0.4 if i % 2 else 0.8) * np.array([np.cos(angle), np.sin(angle), 0.0]))
-    leaves: Array = np.stack([flat @ rotation_from_rotvec(turn).T for turn in turns])
+    leaves: Array = np.stack([level @ rotation_from_rotvec(turn).T for turn in turns])
     leaves.setflags(write=False)
     return leaves
 

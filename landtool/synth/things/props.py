@@ -22,7 +22,6 @@ from landtool.synth.mesh import (
     flat,
     loft,
     panels,
-    patch,
     place,
     rounded,
 )
@@ -193,25 +192,27 @@ def manhole(rng: Generator) -> Thing:
 
 def bicycle(rng: Generator) -> Thing:
     """Return a bicycle that stands: two thin wheels, the frame, saddle and handlebar."""
-    frame, r = paint.car_paint(rng), 0.34
-    parts: list[Mesh] = [bar((x - r, 0.0, r), (x + r, 0.0, r), 0.035, _BLACK) for x in (-0.52, 0.52)]
-    for x in (-0.52, 0.52):
-        rim = circle(r, 10)
-        ring = np.stack([rim[:, 0] + x, np.zeros(10), rim[:, 1] + float(-rim[:, 1].min())], axis=1)
-        parts.append(replace(patch(ring, _BLACK), casts=False))
+    frame = paint.car_paint(rng)
     lines = [
-        ((-0.52, r), (-0.08, 0.3)),
+        ((-0.52, 0.34), (-0.08, 0.3)),
         ((-0.08, 0.3), (0.38, 0.82)),
-        ((-0.2, 0.78), (0.4, 0.8)),
         ((-0.08, 0.3), (-0.22, 0.86)),
-        ((0.52, r), (0.36, 0.95)),
+        ((0.52, 0.34), (0.36, 0.95)),
     ]
+    parts = [_hoop(x, 0.34, 0.045) for x in (-0.52, 0.52)]
     parts += [bar((a[0], 0.0, a[1]), (b[0], 0.0, b[1]), 0.04, frame) for a, b in lines]
-    parts += [
-        box((0.26, 0.14, 0.05), (-0.24, 0.0, 0.9), _BLACK, taper=0.2),
-        bar((0.34, -0.28, 0.97), (0.34, 0.28, 0.97), 0.035, _BLACK),
-    ]
+    parts.append(box((0.26, 0.14, 0.05), (-0.24, 0.0, 0.9), _BLACK, taper=0.2))
+    parts.append(bar((0.34, -0.28, 0.97), (0.34, 0.28, 0.97), 0.035, _BLACK))
     return tuple(parts)
+
+
+def _hoop(x_m: float, radius_m: float, width_m: float) -> Mesh:
+    """Return the tread of a thin wheel about y, whose rim is open."""
+    rim, n = circle(radius_m, 10), 10
+    ring = np.stack([rim[:, 0] + x_m, np.full(n, width_m / 2.0), rim[:, 1] - float(rim[:, 1].min())], axis=1)
+    faces = tuple(np.array([i, (i + 1) % n, n + (i + 1) % n, n + i]) for i in range(n))
+    points = np.concatenate([ring, ring - (0.0, width_m, 0.0)])
+    return Mesh(points, faces, np.tile(np.array(_BLACK), (n, 1)), closed=False, casts=True)
 
 
 def parked_car(rng: Generator) -> Thing:
@@ -222,18 +223,15 @@ def parked_car(rng: Generator) -> Thing:
 
 def red_car(rng: Generator) -> Thing:
     """Return a red car."""
-    thing = (cars.sedan, cars.suv)[int(rng.integers(2))](rng, 1.0, 1.0).thing
-    body = max(thing, key=lambda mesh: float(np.ptp(mesh.points_m[:, 0])) * len(mesh.faces) * mesh.closed)
-    old, red = body.albedo[-1], np.array(paint.srgb((190, 26, 24), float(rng.uniform(0.5, 1.2))))
-    return tuple(
-        replace(m, albedo=np.where((m.albedo == old).all(axis=1, keepdims=True), red, m.albedo)) for m in thing
-    )
+    red = paint.srgb((190, 26, 24), float(rng.uniform(0.5, 1.2)))
+    return (cars.sedan, cars.suv)[int(rng.integers(2))](rng, 1.0, 1.0, body=red).thing
 
 
 def lorry(rng: Generator) -> Thing:
     """Return a lorry or a trailer."""
     build = (machines.flatbed, machines.trailer)[int(rng.integers(2))]
-    return build(rng, float(rng.uniform(1.2, 2.0)), 9.0).thing
+    side_m = float(rng.uniform(1.2, 2.0))
+    return build(rng, side_m, side_m).thing
 
 
 def lying_person(rng: Generator) -> Thing:

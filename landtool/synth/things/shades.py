@@ -15,6 +15,7 @@ _BLACK = paint.srgb((30, 30, 32))
 def drone(rng: Generator) -> Thing:
     """Return a multirotor about 0.5 m wide, its middle at the origin: four or six arms, blurred propellers, a body."""
     arms, reach = int(rng.choice([4, 4, 6])), float(rng.uniform(0.2, 0.35))
+    blurred = bool(rng.random() < 0.5)  # fast propellers shade like discs, slow ones show their blades
     disc = reach * (0.62 if arms == 4 else 0.46)
     parts: list[Mesh] = [slab(reach * 0.9, reach * 0.6, -0.05, 0.05, _BLACK, radius_m=0.04)]
     parts += [box((reach * 0.7, 0.02, 0.08), (0.0, s * reach * 0.45, -0.09), _BLACK) for s in (1.0, -1.0)]
@@ -22,7 +23,7 @@ def drone(rng: Generator) -> Thing:
         angle = 2.0 * np.pi * (i + 0.5) / arms
         x, y = reach * np.cos(angle), reach * np.sin(angle)
         parts.append(bar((0.0, 0.0, 0.0), (x, y, 0.02), 0.025, _BLACK))
-        if rng.random() < 0.5:  # a turning propeller hardly shades; a slow one shows its blades
+        if blurred:
             rim = flat(circle(disc, 12) * rng.uniform(0.7, 1.0), 0.04, x_m=float(x), y_m=float(y))
             parts.append(patch(rim, _BLACK, casts=True))
         else:

@@ -55,7 +55,7 @@ def table(rng: Generator, side_m: float, keep_m: float) -> Body:
     parts: list[Mesh] = [bar((a, b, 0.0), (a, b, high - thick), 0.06 * side_m, leg) for a, b in corners]
     parts.append(box((length, width, thick), (0.0, 0.0, high - thick / 2.0), paint.dimmed(top, 0.5)))
     parts.append(planks(rng, length, width, high, top, count=int(rng.integers(5, 12)), gap_m=0.012 * side_m))
-    if rng.random() < 0.4 and min(length, width) > keep_m + 0.06 * side_m:
+    if rng.random() < 0.4 and min(length, width) > keep_m + 0.16 * side_m:
         parts += _railing(corners, high, high + side_m * float(rng.uniform(0.2, 0.8)), 0.03 * side_m, paint.plain(rng))
     return Body((*parts, *_extra(rng, length, width, high, keep_m)), (0.0, 0.0, high), top)
 
