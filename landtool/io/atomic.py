@@ -106,7 +106,8 @@ def resumable_folder(path: Path, request: str, *, overwrite: bool = False, mark:
     digest = hashlib.sha256(f"{target.name}\n{request}".encode("utf-8", "surrogateescape")).hexdigest()
     work = target.parent / f"{RESUME_PREFIX}{digest[:12]}"
     unfinished = Unfinished(work / "whole", work / "notes")
-    with _output_errors(path, work), _locked(work, path), _kept_if_used(unfinished):
+    advice = "; the same call goes on where this one stopped"
+    with _output_errors(path, work, advice=advice), _locked(work, path), _kept_if_used(unfinished):
         yield unfinished
         _sync_tree(unfinished.whole)
         _refuse_folder(path, target, overwrite, mark)
@@ -129,8 +130,8 @@ def refuse_input_as_output(inputs: Iterable[Path], output: Path) -> None:
 
 
 @contextmanager
-def _output_errors(path: Path, temporary: Path) -> Iterator[None]:
-    """Turn the OSErrors of writing `path` into OutputError; others, as of a reader, pass."""
+def _output_errors(path: Path, temporary: Path, *, advice: str = "") -> Iterator[None]:
+    """Turn the OSErrors of writing `path` into OutputError; others, as of a reader, pass. advice: ends the hint."""
     try:
         yield
     except OutputError as error:
@@ -145,7 +146,8 @@ def _output_errors(path: Path, temporary: Path) -> Iterator[None]:
         if not named and error.errno not in _ONLY_WRITES:
             raise
         reason = f"cannot be written: {error.strerror or error}"
-        raise OutputError(reason, file=path, hint=_HINTS.get(error.errno or 0, "choose another -o")) from error
+        hint = _HINTS.get(error.errno or 0, "choose another -o") + advice
+        raise OutputError(reason, file=path, hint=hint) from error
 
 
 def _real(path: Path) -> Path:

@@ -87,8 +87,12 @@ class Work:
     def _keep(self, path: Path, content: bytes) -> None:
         # in the notes, which are thrown away: a killed process must leave nothing in the dataset
         temporary = self.place.notes / f"{os.getpid()}.part"
-        temporary.write_bytes(content)
-        temporary.replace(path)
+        try:
+            temporary.write_bytes(content)
+            temporary.replace(path)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
 
 
 def draw_images(work: Work, indices: Sequence[int], jobs: int, on_images: Callable[[int], None]) -> None:

@@ -9,7 +9,14 @@ import pytest
 
 from landtool.errors import InputError, OutputError, OutputExistsError, UsageError
 from landtool.io import atomic
-from landtool.io.atomic import TEMPORARY_PREFIX, atomic_folder, atomic_path, refuse_input_as_output
+from landtool.io.atomic import (
+    RESUME_PREFIX,
+    TEMPORARY_PREFIX,
+    atomic_folder,
+    atomic_path,
+    refuse_input_as_output,
+    resumable_folder,
+)
 from tests.limits import files_of_at_most
 
 
@@ -20,6 +27,13 @@ def names(folder: Path) -> list[str]:
 def write_and_fail(path: Path, error: BaseException) -> None:
     path.write_text("half")
     raise error
+
+
+def write_small_and_large(folder: Path) -> None:
+    """Write two files, of which the second does not fit on the disk."""
+    (folder / "small").write_text("x")
+    with files_of_at_most(4096):
+        (folder / "large").write_bytes(bytes(10_000))
 
 
 class TestFile:
@@ -265,3 +279,65 @@ class TestInputAsOutput:
             refuse_input_as_output([tmp_path / "images"], tmp_path / "images" / "out" / "images")
         with pytest.raises(UsageError, match="holds the input"):
             refuse_input_as_output([tmp_path / "images"], tmp_path)
+
+
+class TestResumable:
+    def test_appears_whole_and_leaves_nothing_else(self, tmp_path: Path) -> None:
+        with resumable_folder(tmp_path / "new" / "set", "a", mark="m") as work:
+            (work.whole / "m").write_text("x")
+            (work.notes / "n").write_text("x")
+            assert not (tmp_path / "new" / "set").exists()
+        assert names(tmp_path) == ["new", "new/set", "new/set/m"]
+
+    def test_the_same_request_goes_on(self, tmp_path: Path) -> None:
+        with pytest.raises(KeyboardInterrupt), resumable_folder(tmp_path / "set", "a", mark="m") as work:
+            write_and_fail(work.whole / "m", KeyboardInterrupt())
+        assert [path.name.startswith(RESUME_PREFIX) for path in tmp_path.iterdir()] == [True]
+        with resumable_folder(tmp_path / "set", "a", mark="m") as work:
+            assert (work.whole / "m").read_text() == "half"
+        assert names(tmp_path) == ["set", "set/m"]
+
+    @pytest.mark.parametrize(("name", "request_text"), [("set", "b"), ("other", "a")])
+    def test_another_request_does_not(self, tmp_path: Path, name: str, request_text: str) -> None:
+        with pytest.raises(KeyboardInterrupt), resumable_folder(tmp_path / "set", "a", mark="m") as work:
+            write_and_fail(work.whole / "m", KeyboardInterrupt())
+        with resumable_folder(tmp_path / name, request_text, mark="m") as work:
+            assert names(work.whole) == []
+
+    def test_nothing_stays_of_a_run_that_wrote_nothing(self, tmp_path: Path) -> None:
+        with pytest.raises(ValueError, match="x"), resumable_folder(tmp_path / "new" / "set", "a", mark="m"):
+            raise ValueError("x")
+        assert names(tmp_path) == []
+
+    def test_refuses_what_is_there_before_any_work(self, tmp_path: Path) -> None:
+        (tmp_path / "set").mkdir()
+        (tmp_path / "set" / "m").write_text("old")
+        with pytest.raises(OutputExistsError), resumable_folder(tmp_path / "set", "a", mark="m"):
+            pytest.fail("the block must not run")
+        with pytest.raises(UsageError, match="did not write"):  # noqa: SIM117
+            with resumable_folder(tmp_path / "set", "a", mark="other", overwrite=True):
+                pytest.fail("the block must not run")
+        with resumable_folder(tmp_path / "set", "a", mark="m", overwrite=True) as work:
+            (work.whole / "m").write_text("new")
+            assert (tmp_path / "set" / "m").read_text() == "old"
+        assert (tmp_path / "set" / "m").read_text() == "new"
+        assert names(tmp_path) == ["set", "set/m"]
+
+    def test_two_runs_do_not_meet(self, tmp_path: Path) -> None:
+        with resumable_folder(tmp_path / "set", "a", mark="m") as work:
+            with (
+                pytest.raises(UsageError, match="another run is writing the same"),
+                resumable_folder(tmp_path / "set", "a", mark="m"),
+            ):
+                pytest.fail("the block must not run")
+            (work.whole / "m").write_text("x")
+        assert names(tmp_path) == ["set", "set/m"]
+
+    def test_a_full_disk_is_said_and_keeps_what_fitted(self, tmp_path: Path) -> None:
+        with (
+            pytest.raises(OutputError, match=r"set: cannot be written: File too large; .*the same call goes on"),
+            resumable_folder(tmp_path / "set", "a", mark="m") as work,
+        ):
+            write_small_and_large(work.whole)
+        with resumable_folder(tmp_path / "set", "a", mark="m") as work:
+            assert "small" in names(work.whole)

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from landtool.camera import Camera
+from landtool.errors import InputError
 from landtool.geometry import Pose
 from landtool.pad import PadSpec
 from landtool.synth.sample import Sample, Truth
@@ -62,8 +63,9 @@ def draw(
             carrier="box",
             applied=(("jpeg", 90.0), ("blur", "motion")),
         )
-    if domain.drawn:
-        with Path(domain.drawn).open("a") as file:
+    drawn = getattr(domain, "drawn", "")  # a whole `Domain` has none
+    if drawn:
+        with Path(drawn).open("a") as file:
             file.write(f"{index}\n")
     _, jpeg = cv2.imencode(".jpg", image)
     return Sample(image, jpeg.tobytes(), truth)
@@ -72,9 +74,18 @@ def draw(
 def draw_until_trouble(
     domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos
 ) -> Sample:
-    """Draw, but fail at one picture."""
+    """Draw, but be interrupted at one picture."""
     if index == domain.trouble_at:
         raise KeyboardInterrupt
+    return draw(domain, pad, size, seed, index, photos)
+
+
+def draw_or_fail(
+    domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos
+) -> Sample:
+    """Draw, but fail at one picture with an error for the user."""
+    if index == domain.trouble_at:
+        raise InputError("is bad", file="photo.jpg", hint="remove it")
     return draw(domain, pad, size, seed, index, photos)
 
 
@@ -83,6 +94,13 @@ def draw_and_die(
 ) -> Sample:
     """Draw, but be killed at one picture, as by a system without memory."""
     if index == domain.trouble_at:
-        time.sleep(0.5)  # let the others get somewhere
         os.kill(os.getpid(), signal.SIGKILL)
+    return draw(domain, pad, size, seed, index, photos)
+
+
+def draw_slowly(
+    domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos
+) -> Sample:
+    """Draw so that a test has the time to stop it."""
+    time.sleep(0.02)
     return draw(domain, pad, size, seed, index, photos)
