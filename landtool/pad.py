@@ -12,6 +12,7 @@ import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -205,7 +206,7 @@ class PadSpec:
         """The H as one polygon (12, 2), pad frame, metres; empty (0, 2) without an H."""
         return _letter_outline(self.letter) * self.diameter_m if self.letter else np.zeros((0, 2))
 
-    @property
+    @cached_property
     def extent_m(self) -> float:
         """Side of the centred square that holds everything printed, metres."""
         points = [np.abs(shape.points_m).max() + shape.radius_m for shape in self.shapes()]

@@ -107,31 +107,38 @@ def _composed(raster: Raster, surfaces: Surfaces, floor: Floor, layers: Layers, 
     """Return the picture: whole pixels from what they see, mixed ones from their shares."""
     picture = floor.light
     flat = picture.reshape(-1, 3)
-    mixed, ids = raster.mixed, raster.mixed_ids
-    both = surfaces.sky + surfaces.sun
-    shade = np.where(surfaces.tops[:, None], surfaces.sun, np.float32(0.0))
-    blend = _mean(both, ids) + (ids == 0).mean(axis=1, dtype=np.float32)[:, None] * flat[mixed]
-    if lit is not None:
-        blend -= _mean(shade, ids) * (1.0 - lit.ravel()[mixed])[:, None]
-    for id, (window, light) in layers.items():
-        part = ids == id
-        some = np.flatnonzero(part.any(axis=1))
-        if len(some):
-            whole = np.zeros_like(picture)
-            whole[window] = light
-            weight = part[some].mean(axis=1, dtype=np.float32)[:, None]
-            blend[some] += weight * whole.reshape(-1, 3)[mixed[some]]
+    blend = _mixed_light(raster, surfaces, flat, layers, lit)
     seen = np.flatnonzero(raster.centre)
     kind = raster.centre.ravel()[seen]
-    flat[seen] = both[kind]
+    light = (surfaces.sky + surfaces.sun)[kind]
     if lit is not None:
-        top = surfaces.tops[kind]
-        flat[seen[top]] -= surfaces.sun[kind[top]] * (1.0 - lit.ravel()[seen[top]])[:, None]
-    for id, (window, light) in layers.items():
+        top = np.flatnonzero(surfaces.tops[kind])
+        light[top] -= surfaces.sun[kind[top]] * (1.0 - lit.ravel()[seen[top]])[:, None]
+    flat[seen] = light
+    for id, (window, layer) in layers.items():
         here = raster.centre[window] == id
-        picture[window][here] = light[here]
-    flat[mixed] = blend
+        picture[window][here] = layer[here]
+    flat[raster.mixed] = blend
     return picture
+
+
+def _mixed_light(
+    raster: Raster, surfaces: Surfaces, ground: Linear, layers: Layers, lit: Map | None
+) -> NDArray[np.float32]:
+    """Return the light (M, 3) of the pixels that see several surfaces; ground: (H W, 3)."""
+    mixed, ids = raster.mixed, raster.mixed_ids
+    blend = _mean(surfaces.sky + surfaces.sun, ids)
+    blend += (ids == 0).mean(axis=1, dtype=np.float32)[:, None] * ground[mixed]
+    if lit is not None and surfaces.tops.any():
+        shade = np.where(surfaces.tops[:, None], surfaces.sun, np.float32(0.0))
+        blend -= _mean(shade, ids) * (1.0 - lit.ravel()[mixed])[:, None]
+    row, column = np.divmod(mixed, raster.centre.shape[1])
+    for id, ((rows, columns), layer) in layers.items():
+        inside = (row >= rows.start) & (row < rows.stop) & (column >= columns.start) & (column < columns.stop)
+        some = np.flatnonzero(inside & (ids == id).any(axis=1))
+        weight = (ids[some] == id).mean(axis=1, dtype=np.float32)[:, None]
+        blend[some] += weight * layer[row[some] - rows.start, column[some] - columns.start]
+    return blend
 
 
 def _mean(table: NDArray[np.float32], ids: NDArray[np.uint16]) -> NDArray[np.float32]:

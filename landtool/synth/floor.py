@@ -59,8 +59,7 @@ def render_floor(scene: Scene, view: View, shades: Sequence[Mesh]) -> Floor:
     sun = shadow.lit(view, scene.sun, shades, 0.0, usual)
     open_sky = shadow.openness(view, shades, usual)
     sunny = np.array(scene.sun.sun, np.float32) * np.float32(max(scene.sun.direction[2], 0.0))
-    for channel in range(3):
-        albedo[:, :, channel] *= open_sky * np.float32(scene.sun.sky[channel]) + sun * sunny[channel]
+    albedo *= cv2.merge([open_sky * np.float32(scene.sun.sky[c]) + sun * sunny[c] for c in range(3)])
     if sky.any():
         albedo[sky] = np.array(scene.sun.sky, np.float32)
     return Floor(albedo, depth, x, y, sun)
@@ -89,7 +88,7 @@ def _share(view: View, polygons_m: Sequence[Array], soft_m: float, depth: Map) -
     soft_px = soft_m * view.camera.fx / max(float(np.median(depth)), 0.1) if soft_m > 0.0 else 0.0
     mask = coverage(view, level, 1 if soft_px > 1.5 else 3)
     if soft_px > 0.3 and mask.any():
-        mask = np.asarray(cv2.GaussianBlur(mask, (0, 0), min(soft_px / 2.0, 30.0)))
+        mask = shadow.softened(mask, min(soft_px / 2.0, 30.0))
     return mask.astype(np.float32) * np.float32(1.0 / 255.0)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
@@ -20,7 +20,7 @@ _NEAR_M = 0.02
 # how far beyond the picture's edge polygons are kept, as a share of the largest ray
 _MARGIN = 1.15
 # an edge longer than this on the picture is bent by the lens
-_STRAIGHT_PX = 40.0
+_STRAIGHT_PX = 64.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,13 +84,39 @@ def paint(view: View, polygons: Sequence[Polygon]) -> Raster:
 def coverage(view: View, polygons: Sequence[Polygon], samples: int = SAMPLES) -> NDArray[np.uint8]:
     """Return how much of each pixel (H, W) the union of polygons covers, 255 for all; their ids do not matter."""
     camera = view.camera
-    mask = np.zeros((samples * camera.height, samples * camera.width), np.uint8)
-    outlines = [fixed_point(p, samples) for p in on_picture(view, polygons) if p is not None]
+    mask = np.zeros((camera.height, camera.width), np.uint8)
+    outlines = [p for p in on_picture(view, polygons) if p is not None]
+    window = window_of(view, outlines, 0.0)
+    if window is not None:
+        mask[window] = filled(outlines, window, samples)
+    return mask
+
+
+Window = tuple[slice, slice]
+
+
+def window_of(view: View, outlines: Sequence[Array], rim_px: float) -> Window | None:
+    """Return the rows and columns of the picture that outlines and a rim about them take up; None if there are none."""
+    if not outlines:
+        return None
+    low = np.min([outline.min(axis=0) for outline in outlines], axis=0) - rim_px
+    high = np.max([outline.max(axis=0) for outline in outlines], axis=0) + rim_px
+    x0, y0 = (max(int(v) - 1, 0) for v in low)
+    x1, y1 = min(int(high[0]) + 3, view.camera.width), min(int(high[1]) + 3, view.camera.height)
+    return (slice(y0, y1), slice(x0, x1)) if x0 < x1 and y0 < y1 else None
+
+
+def filled(outlines: Sequence[Array], window: Window, samples: int) -> NDArray[np.uint8]:
+    """Return how much of each pixel of a window (h, w) the union of outlines (N, 2) in pixels covers, 255 for all."""
+    rows, columns = window
+    height, width = rows.stop - rows.start, columns.stop - columns.start
+    mask = np.zeros((samples * height, samples * width), np.uint8)
+    first = np.array([columns.start, rows.start])
     for outline in outlines:
-        cv2.fillPoly(mask, [outline], 255, cv2.LINE_8, _SHIFT)
-    if samples == 1 or not outlines:
-        return mask[: camera.height, : camera.width]
-    return np.asarray(cv2.resize(mask, (camera.width, camera.height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
+        cv2.fillPoly(mask, [fixed_point(outline - first, samples)], 255, cv2.LINE_8, _SHIFT)
+    if samples == 1:
+        return mask
+    return np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
 def fixed_point(pixels: Array, samples: int) -> NDArray[np.int32]:
@@ -149,13 +175,14 @@ def _refined(world: Array, pixels: Array | None) -> Array:
     following = np.roll(world, -1, axis=0)
     lengths = np.linalg.norm(np.roll(pixels, -1, axis=0) - pixels, axis=1)
     pieces = np.clip(np.ceil(lengths / _STRAIGHT_PX), 1, 32).astype(int)
-    edges = [
-        a + np.linspace(0.0, 1.0, n, endpoint=False)[:, None] * (b - a)
-        for a, b, n in zip(world, following, pieces, strict=True)
-    ]
-    return np.concatenate(edges)
+    first = np.repeat(np.cumsum(pieces) - pieces, pieces)
+    share = (np.arange(len(first)) - first) / np.repeat(pieces, pieces)
+    start = np.repeat(world, pieces, axis=0)
+    finer: Array = start + share[:, None] * (np.repeat(following, pieces, axis=0) - start)
+    return finer
 
 
+@lru_cache(maxsize=4)
 def _planes(view: View) -> Array:
     """Return (5, 4) half-spaces n . p + d >= 0 of the camera frame that hold what the picture can show."""
     x, y = view.lens

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from landtool.geometry import Array
 from landtool.synth.mesh import Mesh
-from landtool.synth.raster import Polygon, coverage
+from landtool.synth.raster import Polygon, filled, on_picture, window_of
 from landtool.synth.scene import Sun
 from landtool.synth.view import View
 
@@ -21,6 +21,10 @@ _HIGHEST_SUN_STEP = 0.05  # a sun lower than this share of its length throws sha
 _SHARPEST_PX, _SOFTEST_PX = 0.45, 24.0
 # bodies dim the ground within about this share of their height, by at most so much
 _DIM_REACH, _DIM_MOST = 0.35, 0.55
+_LEFT = (1.0 - np.arange(256) / 255.0).astype(np.float32)
+_LEFT_OF_SKY = (1.0 - _DIM_MOST * np.arange(256) / 255.0).astype(np.float32)
+# a Gaussian this narrow is blurred at full size
+_FINEST_SIGMA_PX = 1.25
 
 
 def lit(view: View, sun: Sun, meshes: Iterable[Mesh], z_m: float, depth_m: float) -> Share:
@@ -33,38 +37,58 @@ def lit(view: View, sun: Sun, meshes: Iterable[Mesh], z_m: float, depth_m: float
     reaching = np.ones(shape, np.float32)
     if not any(sun.sun) or sun.direction[2] < _HIGHEST_SUN_STEP:
         return reaching if any(sun.sun) else np.zeros(shape, np.float32)
-    by_softness: dict[int, list[Polygon]] = defaultdict(list)
+    polygons: list[Polygon] = []
+    levels: list[int] = []
     for mesh in meshes:
         if mesh.casts:
-            softness = _softness_px(view, sun, mesh, z_m, depth_m)
-            by_softness[round(2.0 * math.log2(softness))] += [Polygon(p, 1) for p in _fallen(mesh, sun, z_m)]
-    for level, polygons in by_softness.items():
-        sigma = 2.0 ** (level / 2.0)
-        mask = coverage(view, polygons, 1)
-        if mask.any():
-            dark = cv2.GaussianBlur(mask, (0, 0), sigma)
-            reaching *= np.float32(1.0) - dark.astype(np.float32) * np.float32(1.0 / 255.0)
+            level = round(2.0 * math.log2(_softness_px(view, sun, mesh, z_m, depth_m)))
+            for points in _fallen(mesh, sun, z_m):
+                polygons.append(Polygon(points, 1))
+                levels.append(level)
+    _darken(reaching, view, polygons, levels, {level: 2.0 ** (level / 2.0) for level in levels}, _LEFT)
     return reaching
 
 
 def openness(view: View, meshes: Iterable[Mesh], depth_m: float) -> Share:
     """Return the share (H, W) of the sky's light that reaches the ground beside bodies that stand on it."""
-    by_reach: dict[int, list[Polygon]] = defaultdict(list)
+    polygons: list[Polygon] = []
+    levels: list[int] = []
     for mesh in meshes:
         low, high = mesh.points_m[:, 2].min(), mesh.points_m[:, 2].max()
         if mesh.closed and low < 0.6 and high > 0.03:
-            foot = mesh.points_m[:, :2]
-            hull = cv2.convexHull(foot.astype(np.float32)).reshape(-1, 2)
+            hull = cv2.convexHull(mesh.points_m[:, :2].astype(np.float32)).reshape(-1, 2)
             reach_px = _DIM_REACH * high * view.camera.fx / max(depth_m, 0.1)
-            level = round(math.log2(float(np.clip(reach_px, 1.0, _SOFTEST_PX))))
-            by_reach[level].append(Polygon(np.column_stack([hull, np.zeros(len(hull))]), 1))
+            polygons.append(Polygon(np.column_stack([hull, np.zeros(len(hull))]), 1))
+            levels.append(round(math.log2(float(np.clip(reach_px, 1.0, _SOFTEST_PX)))))
     free = np.ones((view.camera.height, view.camera.width), np.float32)
-    for level, polygons in by_reach.items():
-        mask = coverage(view, polygons, 1)
-        if mask.any():
-            near = cv2.GaussianBlur(mask, (0, 0), 2.0**level)
-            free *= np.float32(1.0) - near.astype(np.float32) * np.float32(_DIM_MOST / 255.0)
+    _darken(free, view, polygons, levels, {level: 2.0**level for level in levels}, _LEFT_OF_SKY)
     return free
+
+
+def _darken(
+    share: Share, view: View, polygons: list[Polygon], levels: list[int], sigmas_px: dict[int, float], left: Share
+) -> None:
+    """Multiply a share (H, W) by what polygons leave, those of a level together and blurred; left: by coverage."""
+    outlines: dict[int, list[Array]] = defaultdict(list)
+    for level, outline in zip(levels, on_picture(view, polygons), strict=True):
+        if outline is not None:
+            outlines[level].append(outline)
+    for level, members in outlines.items():
+        window = window_of(view, members, 3.0 * sigmas_px[level])
+        if window is not None:
+            mask = softened(filled(members, window, 1), sigmas_px[level])
+            share[window] *= cv2.LUT(mask, left)
+
+
+def softened(mask: NDArray[np.uint8], sigma_px: float) -> NDArray[np.uint8]:
+    """Return a mask (H, W) blurred by a Gaussian; a wide one is blurred on a smaller picture."""
+    shrink = 1 << max(0, math.floor(math.log2(sigma_px / _FINEST_SIGMA_PX)))
+    if shrink == 1:
+        return np.asarray(cv2.GaussianBlur(mask, (0, 0), sigma_px), dtype=np.uint8)
+    height, width = mask.shape
+    small = cv2.resize(mask, (-(-width // shrink), -(-height // shrink)), interpolation=cv2.INTER_AREA)
+    blurred = cv2.GaussianBlur(small, (0, 0), sigma_px / shrink)
+    return np.asarray(cv2.resize(blurred, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
 
 
 def _softness_px(view: View, sun: Sun, mesh: Mesh, z_m: float, depth_m: float) -> float:
