@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.random import Generator
@@ -85,19 +85,18 @@ def gear(rng: Generator, x_m: float, y_m: float, z_m: float, size_m: float) -> T
     kind = rng.integers(5)
     height = float(size_m * rng.uniform(0.4, 1.1))
     if kind == 0:
-        albedo = paint.srgb((236, 150, 20))
-        return (
-            slab(size_m, size_m, z_m, z_m + height / 3, paint.srgb((30, 30, 30)), x_m=x_m, y_m=y_m, radius_m=size_m),
-            slab(size_m * 0.8, size_m * 0.8, z_m + height / 3, z_m + height, albedo, x_m=x_m, y_m=y_m,
-                 radius_m=size_m, inset_m=size_m * 0.08),
-        )  # fmt: skip
+        ring = circle(size_m / 2.0, 8)
+        low, high = z_m + height / 3.0, z_m + height
+        foot = loft(flat(ring, z_m, x_m=x_m, y_m=y_m), flat(ring, low, x_m=x_m, y_m=y_m), paint.srgb((30, 30, 30)))
+        skirt, crown = (flat(ring * share, z, x_m=x_m, y_m=y_m) for share, z in ((0.8, low), (0.65, high)))
+        return (foot, loft(skirt, crown, paint.srgb((236, 150, 20))))
     if kind == 1:
         bag = paint.clothes(rng)
         size = (size_m, size_m * float(rng.uniform(0.5, 1.0)))
-        low = slab(*size, z_m, z_m + height / 2, bag, x_m=x_m, y_m=y_m, radius_m=size_m * 0.3)
-        high = slab(*size, z_m + height / 2, z_m + height, paint.dimmed(bag, 0.9), x_m=x_m, y_m=y_m,
+        sack = slab(*size, z_m, z_m + height / 2, bag, x_m=x_m, y_m=y_m, radius_m=size_m * 0.3)
+        mouth = slab(*size, z_m + height / 2, z_m + height, paint.dimmed(bag, 0.9), x_m=x_m, y_m=y_m,
                     radius_m=size_m * 0.3, inset_m=size_m * 0.15)  # fmt: skip
-        return (low, high)
+        return (sack, mouth)
     albedo = paint.plain(rng) if kind < 4 else paint.signal(rng)
     return (
         box((size_m, size_m * float(rng.uniform(0.5, 1.0)), height), (x_m, y_m, z_m + height / 2), albedo, taper=0.05),
@@ -114,4 +113,4 @@ def antenna(rng: Generator, x_m: float, y_m: float, z_m: float, scale: float = 1
         return (whip,)
     cap = cylinder(0.06 * scale, z_m + 0.1 * scale, z_m + 0.15 * scale, paint.srgb((225, 225, 222)), sides=8, taper=0.3)
     stalk = bar((x_m, y_m, z_m), (x_m, y_m, z_m + 0.1 * scale), 0.02 * scale, black)
-    return (stalk, Mesh(cap.points_m + (x_m, y_m, 0.0), cap.faces, cap.albedo))
+    return (stalk, replace(cap, points_m=cap.points_m + (x_m, y_m, 0.0)))

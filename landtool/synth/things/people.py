@@ -6,7 +6,7 @@ import numpy as np
 from numpy.random import Generator
 
 from landtool.geometry import Pose
-from landtool.synth.mesh import Albedo, Mesh, Thing, bar, box, flat, loft, place, rounded
+from landtool.synth.mesh import Albedo, Mesh, Thing, bar, box, circle, flat, loft, place, rounded
 from landtool.synth.things import paint
 
 
@@ -71,7 +71,7 @@ def _head(rng: Generator, shoulder_m: float, tall_m: float) -> Thing:
     face = paint.skin(rng)
     cover = paint.hair(rng) if rng.random() < 0.7 else paint.signal(rng)
     x, middle = 0.05, tall_m - 0.1
-    outline = rounded(0.2, 0.16, 0.08, steps=1)
+    outline = circle(0.1, 6) * (1.0, 0.8)
     skull = loft(flat(outline * 0.7, shoulder_m - 0.01, x_m=x), flat(outline, middle, x_m=x), face)
     crown = loft(flat(outline, middle, x_m=x), flat(outline * 0.55, tall_m, x_m=x - 0.01), cover)
     return (skull, crown)
@@ -80,6 +80,7 @@ def _head(rng: Generator, shoulder_m: float, tall_m: float) -> Thing:
 def lying(thing: Thing) -> Thing:
     """Return a person who lies on the back: turned about y and put on the ground."""
     fallen = place(thing, Pose.from_rotvec(np.zeros(3), np.array([0.0, -np.pi / 2.0, 0.0])))
-    lift = -min(float(mesh.points_m[:, 2].min()) for mesh in fallen)
-    moved = place(fallen, Pose(np.eye(3), np.array([0.0, 0.0, lift])))
+    points = np.concatenate([mesh.points_m for mesh in fallen])
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    moved = place(fallen, Pose(np.eye(3), np.array([-middle[0], -middle[1], -float(points[:, 2].min())])))
     return tuple(sorted(moved, key=lambda mesh: float(mesh.points_m[:, 2].max())))
