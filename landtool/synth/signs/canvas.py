@@ -27,6 +27,7 @@ YELLOW: Color = (30, 190, 240)
 GREEN: Color = (70, 130, 20)
 ORANGE: Color = (25, 105, 235)
 GREY: Color = (120, 120, 120)
+PURPLE: Color = (120, 40, 95)
 
 
 class Canvas:

@@ -15,6 +15,7 @@ from landtool.synth.signs.canvas import (
     GREEN,
     GREY,
     ORANGE,
+    PURPLE,
     RED,
     WHITE,
     YELLOW,
@@ -24,7 +25,8 @@ from landtool.synth.signs.canvas import (
     shade_of,
 )
 
-_OTHER_RINGS = (BLUE, BLACK, YELLOW, GREEN, ORANGE, GREY)
+# no orange or brown: a faded red ring is the pad's own
+_OTHER_RINGS = (BLUE, BLACK, YELLOW, GREEN, PURPLE, GREY)
 _OTHER_LETTERS = "INMAKXEFTLUWVZ"
 _WORDS = ("STOP", "HALT", "TAXI", "BUS", "HELP", "EXIT", "ZONE", "3.5t", "2.1m", "7.5t", "START")
 
