@@ -24,23 +24,23 @@ _ASPHALT = (
     ((70, 64, 60), (100, 92, 86), (124, 116, 108), (88, 78, 70)),
 )
 _GRAVEL = (
-    ((214, 196, 160), (178, 152, 112), (228, 218, 196), (132, 104, 76), (160, 140, 116)),
+    ((196, 180, 150), (168, 146, 112), (208, 198, 178), (126, 102, 78), (152, 134, 112)),
     ((150, 150, 152), (112, 114, 118), (180, 180, 178), (92, 92, 94)),
     ((176, 168, 154), (120, 112, 104), (150, 132, 112), (196, 190, 180), (104, 96, 90)),
     ((128, 118, 110), (98, 88, 82), (154, 144, 136), (84, 80, 80)),
 )
 # dark, bright, straw
 _SOIL = (
-    ((76, 58, 42), (138, 112, 84), (168, 148, 108)),
+    ((70, 56, 44), (126, 106, 86), (158, 144, 118)),
     ((84, 64, 56), (130, 108, 98), (156, 138, 118)),
-    ((104, 70, 48), (166, 124, 90), (184, 160, 118)),
+    ((88, 64, 50), (140, 110, 88), (168, 150, 122)),
     ((62, 52, 44), (108, 94, 80), (142, 128, 100)),
 )
 # shade, light, dark grain
 _SAND = (
-    ((170, 146, 104), (214, 194, 152), (120, 98, 70)),
-    ((150, 132, 100), (196, 180, 146), (104, 90, 72)),
-    ((184, 152, 112), (222, 196, 158), (138, 104, 74)),
+    ((146, 128, 98), (188, 172, 140), (106, 90, 68)),
+    ((134, 122, 98), (176, 164, 138), (94, 84, 70)),
+    ((160, 136, 106), (198, 176, 146), (122, 98, 76)),
 )
 
 
@@ -52,9 +52,9 @@ def asphalt(rng: np.random.Generator) -> Painting:
     shown = per_cell_values(grit, rng.random(grit.count, np.float32)) < bare
     share = blurred(shown * smoothstep(0.3, 1.6, grit.edge + 0.4), 0.6)
     picture = mixed(binder, per_cell(grit, stones, 0.16, rng), share)
-    rough = 0.055 * value_noise(TEXELS, 128, 1.1, rng) + 0.05 * value_noise(TEXELS, 16, 0.7, rng)
+    rough = 0.055 * value_noise(TEXELS, 128, 1.1, rng) + 0.11 * value_noise(TEXELS, 32, 1.1, rng)
     picture *= (1.0 + rough)[:, :, None]
-    slow = patches(rng, rng.uniform(0.06, 0.12), (0.7, 0.7, 0.72), rng.uniform(0.2, 0.7))
+    slow = patches(rng, rng.uniform(0.09, 0.15), (0.66, 0.66, 0.68), rng.uniform(0.2, 0.8))
     return Painting(leveled(picture, 8), rng.uniform(2.4, 3.4), slow * _lanes(rng), 0.16)
 
 
@@ -64,7 +64,7 @@ def _lanes(rng: np.random.Generator) -> Map:
     bright = np.repeat(rng.normal(1.0, 0.035, strips), 512 // strips)
     seam = np.ones(512)
     seam[:: 512 // strips] = np.where(rng.random(strips) < 0.5, 0.75, 1.0)
-    return np.float32(bright * seam)[:, None, None]
+    return (bright * seam).astype(np.float32)[:, None, None]
 
 
 def gravel(rng: np.random.Generator) -> Painting:
@@ -78,7 +78,8 @@ def gravel(rng: np.random.Generator) -> Painting:
     edge = np.where(there, top.edge + 0.8 * value_noise(TEXELS, 128, 0.7, rng), 0.0).astype(np.float32)
     share = smoothstep(0.08 * radius, 0.24 * radius, edge)
     picture = mixed(below, _shaded(top.number, top.count, edge, colors, radius, angle, rng), share)
-    return Painting(leveled(picture, 8), rng.uniform(1.7, 2.6), patches(rng, 0.07, (0.8, 0.78, 0.74), 0.4), 0.12)
+    picture *= (1.0 + 0.05 * value_noise(TEXELS, 16, 0.8, rng))[:, :, None]
+    return Painting(leveled(picture, 8), rng.uniform(1.7, 2.6), patches(rng, 0.10, (0.8, 0.78, 0.74), 0.6), 0.12)
 
 
 def _stones(side: int, colors: list[Map], angle: float, rng: np.random.Generator) -> Map:
@@ -103,7 +104,7 @@ def _shaded(
     light = 1.0 + 0.5 * np.clip(lit(blurred(height, 0.8), angle), -1.2, 1.2) + 0.6 * tilt
     light *= 0.4 + 0.6 * smoothstep(0.0, 0.45 * radius, edge)
     light += 0.06 * value_noise(TEXELS, 256, 1.0, rng)
-    picture: Map = shades[number] * np.clip(light, 0.15, 1.6)[:, :, None]
+    picture: Map = shades[number] * np.clip(light, 0.15, 1.35)[:, :, None]
     return picture
 
 
@@ -112,15 +113,17 @@ def soil(rng: np.random.Generator) -> Painting:
     dark, bright, straw = pick(_SOIL, rng)
     angle = rng.uniform(0.0, 2 * np.pi)
     height = 5.0 * value_noise(TEXELS, 16, 0.8, rng)
-    clods = cells(TEXELS, 110, 1.0, rng)
-    size = np.maximum(rng.normal(0.2, 0.5, clods.count), 0.0).astype(np.float32)
-    height += 2.2 * per_cell_values(clods, size) * np.sqrt(clods.edge)
+    for side, big in ((90, 2.6), (200, 1.4)):
+        clods = cells(TEXELS, side, 1.0, rng)
+        size = np.maximum(rng.normal(0.1, 0.6, clods.count), 0.0).astype(np.float32)
+        height += big * per_cell_values(clods, size) * np.sqrt(clods.edge)
     slope = np.clip(lit(blurred(height, 0.7), angle), -2.5, 2.5)
-    share = 0.5 + 0.14 * value_noise(TEXELS, 16, 0.75, rng) + 0.2 * slope
+    share = 0.5 + 0.16 * value_noise(TEXELS, 16, 0.85, rng) + 0.22 * slope
     picture = mixed(dark, bright, np.clip(share, -0.4, 1.3))
-    pebbles = cells(TEXELS, 90, 1.0, rng)
-    chosen = per_cell_values(pebbles, rng.random(pebbles.count, np.float32)) < 0.03
-    picture = mixed(picture, straw * np.float32(1.1), 0.8 * chosen * smoothstep(1.0, 3.0, pebbles.edge))
+    pebbles = cells(TEXELS, 150, 1.0, rng)
+    chosen = per_cell_values(pebbles, rng.random(pebbles.count, np.float32)) < 0.025
+    stone = straw * (0.85 + 0.12 * np.clip(lit(2.0 * blurred(np.sqrt(pebbles.edge), 0.7), angle), -2, 2))[:, :, None]
+    picture = mixed(picture, stone, 0.8 * chosen * smoothstep(0.5, 2.2, pebbles.edge))
     slow = patches(rng, 0.10, (0.72, 0.70, 0.66), rng.uniform(0.3, 0.9))
     return Painting(leveled(picture, 8), rng.uniform(2.6, 4.0), slow, 0.14)
 
@@ -136,8 +139,9 @@ def sand(rng: np.random.Generator) -> Painting:
             3.0 * np.sin(y + 1.6 * value_noise(TEXELS, 8, 0.45, rng)) * (0.6 + 0.3 * value_noise(TEXELS, 8, 0.5, rng))
         )
     share = 0.55 + 0.28 * np.clip(lit(height, angle), -1.5, 1.5) + 0.13 * value_noise(TEXELS, 128, 1.2, rng)
+    share += 0.10 * value_noise(TEXELS, 16, 0.9, rng)
     picture = mixed(shade, light, share)
     specks = value_noise(TEXELS, 256, 1.0, rng) + 0.4 * value_noise(TEXELS, 16, 0.7, rng)
     picture = mixed(picture, grain, 0.6 * smoothstep(1.5, 2.6, specks))
-    slow = patches(rng, 0.07, (0.86, 0.83, 0.78), rng.uniform(0.2, 0.9))
+    slow = patches(rng, 0.09, (0.86, 0.84, 0.80), rng.uniform(0.2, 0.6))
     return Painting(leveled(picture, 8), rng.uniform(2.4, 3.6), slow, 0.10)

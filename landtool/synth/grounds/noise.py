@@ -107,8 +107,8 @@ def paving(size: int, rows: int, columns: int, wobble: float, rng: np.random.Gen
     """Return stones in courses, each course `shift` of a stone beside the one before; wobble: texels they stray."""
     y, x = np.meshgrid(np.arange(size, dtype=np.float32), np.arange(size, dtype=np.float32), indexing="ij")
     if wobble:
-        x += np.float32(wobble) * value_noise(size, 16, 0.6, rng)
-        y += np.float32(wobble) * value_noise(size, 16, 0.6, rng)
+        x += np.float32(wobble) * value_noise(size, 16, 0.45, rng)
+        y += np.float32(wobble) * value_noise(size, 16, 0.45, rng)
     v = y * np.float32(rows / size)
     course = np.floor(v)
     offsets = (np.arange(rows) * shift + wobble * columns / size * rng.uniform(-1.0, 1.0, rows)).astype(np.float32)

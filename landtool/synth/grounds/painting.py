@@ -15,6 +15,7 @@ _GRAINS = 512
 _GRAIN_TILE_M = 0.256
 # an odd share of a tile, so that patches and tiles do not repeat together
 _PATCH_TILES = 21.37
+_MIDDLE = 0.5
 
 Rgb = tuple[float, float, float]
 
@@ -50,15 +51,15 @@ class Painting:
 
 def color(rgb: Rgb) -> Map:
     """Return (3,) float32 in [0, 1], blue first, of red, green, blue in 0 to 255."""
-    return np.float32(rgb[::-1]) / np.float32(255.0)
+    return np.array(rgb[::-1], np.float32) / np.float32(255.0)
 
 
 def pick(palettes: tuple[tuple[Rgb, ...], ...], rng: np.random.Generator) -> list[Map]:
     """Return the colours of one palette, a little brighter or darker, warmer or cooler than written."""
     chosen = palettes[int(rng.integers(len(palettes)))]
     warmth = rng.normal(0.0, 0.02)
-    shift = rng.normal(1.0, 0.06) * np.float32([1 - warmth, 1.0, 1 + warmth])
-    return [color(rgb) * np.float32(shift) for rgb in chosen]
+    shift = rng.normal(1.0, 0.06) * np.array([1 - warmth, 1.0, 1 + warmth])
+    return [color(rgb) * shift.astype(np.float32) for rgb in chosen]
 
 
 def mixed(first: Map, second: Map, share: Map) -> Map:
@@ -91,6 +92,10 @@ def patches(
 
     first: the largest of them, a side of the whole.
     """
-    bright = 1.0 + np.float32(strength) * value_noise(PATCH_TEXELS, first, 0.75, rng)
-    blotch = smoothstep(0.2, 1.6, value_noise(PATCH_TEXELS, first, 0.65, rng)) * np.float32(amount)
-    return np.clip(mixed(np.ones(3, np.float32), np.float32(tint[::-1]), blotch) * bright[:, :, None], 0.25, 1.95)
+    bright = 1.0 + np.float32(strength) * value_noise(PATCH_TEXELS, first, 0.8, rng)
+    # what is too wide for a tile and too small for the blotches
+    bright += np.float32(_MIDDLE * strength) * value_noise(PATCH_TEXELS, 128, 1.0, rng)
+    blotch = smoothstep(0.0, 1.8, value_noise(PATCH_TEXELS, first, 0.8, rng)) * np.float32(amount)
+    tinted = mixed(np.ones(3, np.float32), np.array(tint[::-1], np.float32), blotch)
+    factors: Map = np.clip(tinted * bright[:, :, None], 0.25, 1.95)
+    return factors

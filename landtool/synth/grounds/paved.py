@@ -26,10 +26,10 @@ _CONCRETE = (
 )
 # grout, then tiles
 _TILES = (
-    ((168, 160, 152), (206, 196, 180), (194, 182, 164)),
+    ((150, 142, 134), (190, 182, 168), (180, 170, 156)),
     ((120, 92, 84), (196, 132, 116), (184, 120, 106)),
     ((92, 92, 92), (150, 150, 150), (138, 138, 140)),
-    ((206, 204, 198), (122, 128, 138), (132, 138, 146)),
+    ((176, 174, 168), (122, 128, 136), (130, 136, 142)),
     ((110, 100, 88), (178, 132, 92), (164, 116, 80)),
 )
 # joint, then stones
@@ -39,7 +39,7 @@ _COBBLES = (
     ((84, 76, 64), (150, 132, 110), (130, 110, 92), (164, 150, 132), (112, 104, 100)),
 )
 _BRICK = (
-    ((92, 74, 64), (160, 84, 62), (142, 70, 54), (176, 100, 74), (126, 66, 56)),
+    ((86, 74, 66), (148, 86, 68), (132, 74, 60), (164, 102, 80), (118, 68, 58)),
     ((120, 112, 102), (148, 92, 72), (128, 78, 66), (170, 116, 92)),
     ((70, 66, 64), (128, 78, 66), (104, 68, 62), (142, 94, 78)),
     ((132, 122, 108), (178, 146, 108), (164, 128, 92), (192, 164, 128)),
@@ -77,7 +77,7 @@ def tiles(rng: np.random.Generator) -> Painting:
     grout, *shades = pick(_TILES, rng)
     side = int(rng.choice((8, 10, 12)))
     flags = paving(TEXELS, side, side, 0.0, rng, shift=float(rng.choice((0.0, 0.0, 0.5))))
-    picture = per_cell(flags, shades, 0.035, rng)
+    picture = per_cell(flags, shades, 0.025, rng)
     vein = 0.05 * value_noise(TEXELS, 32, 0.8, rng) + 0.04 * value_noise(TEXELS, 128, 1.0, rng)
     picture *= (1.0 + vein)[:, :, None]
     gap = rng.uniform(0.8, 1.6)
@@ -93,9 +93,9 @@ def cobbles(rng: np.random.Generator) -> Painting:
     """Paint hewn stones in courses, each of its own colour and its own slope."""
     joint, *shades = pick(_COBBLES, rng)
     rows = int(rng.choice((24, 28, 32)))
-    stones = paving(TEXELS, rows, rows - 4 * int(rng.integers(0, 2)), 3.0, rng)
-    picture = per_cell(stones, shades, 0.10, rng)
-    return _laid(picture, stones.edge, joint, (2.2, 5.0), TEXELS / rows * 0.22, rng, rng.uniform(2.8, 3.8))
+    stones = paving(TEXELS, rows, rows - 4 * int(rng.integers(0, 2)), 2.6, rng)
+    picture = per_cell(stones, shades, 0.08, rng)
+    return _laid(picture, stones.edge, joint, (1.6, 3.8), TEXELS / rows * 0.14, rng, rng.uniform(2.8, 3.8))
 
 
 def brick(rng: np.random.Generator) -> Painting:
@@ -119,7 +119,7 @@ def _laid(
     """Return stones (n, n, 3) with worn rims, lit from a side, and joints where `edge` is below the gap, texels."""
     angle = rng.uniform(0.0, 2 * np.pi)
     rough = value_noise(TEXELS, 128, 0.9, rng)
-    worn = edge + 0.5 * rough
+    worn = edge + 0.35 * rough
     height = round_px * smoothstep(gap[0] - 1.0, gap[0] + 2.0 * round_px, blurred(worn, 0.7)) + 0.35 * rough
     light = 1.0 + 0.35 * np.clip(lit(height, angle), -1.2, 1.2) + 0.06 * value_noise(TEXELS, 64, 0.9, rng)
     picture = picture * light[:, :, None]
@@ -129,4 +129,4 @@ def _laid(
     picture *= (1.0 - 0.25 * chips)[:, :, None]
     picture = mixed(picture, soil, 1.0 - smoothstep(gap[0] - 0.6, gap[1] - 0.6, worn))
     slow = patches(rng, 0.07, (0.78, 0.76, 0.70), rng.uniform(0.3, 1.0))
-    return Painting(leveled(picture, 4), tile_m, slow, 0.09)
+    return Painting(leveled(picture, 8), tile_m, slow, 0.09)

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 
 import cv2
 import numpy as np
 
 from landtool.errors import InputError, UsageError
+from landtool.io.images import SUFFIXES, PictureError, natural_key, read_picture
 from landtool.synth.grounds.noise import value_noise
 from landtool.synth.grounds.texture import Bytes, GroundTexture, color_atlas, factor_atlas
 
 SCIKIT_IMAGE = "scikit-image"
-_TYPES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff", ".webp")
+_HINT = "take it out of the folder or copy it again"
 _SHIPPED = ("brick.png", "grass.png", "gravel.png")
 _LONGEST_PX = 2048
-_AREA_PX = 2.0e6  # with its halvings and their places 9 MB
+_AREA_PX = 1.5e6  # with its halvings and the places between them 9 MB
 _SMALLEST_PX = 16
 _PATCHES = 512
 _GRAINS = 512
@@ -23,7 +25,9 @@ _TILE_M = 5.0
 
 
 def load_photos(folder: str | Path) -> tuple[Path, ...]:
-    """Return the photographs in a folder, by name; `scikit-image` stands for the grounds among those it ships.
+    """Return the photographs in a folder, in the natural order of their names.
+
+    `scikit-image` stands for the grounds among the photographs that it ships.
 
     Raises UsageError when there is no such folder, no photograph in it, or no scikit-image.
     """
@@ -32,9 +36,10 @@ def load_photos(folder: str | Path) -> tuple[Path, ...]:
     where = Path(folder)
     if not where.is_dir():
         raise UsageError("no such folder", file=where, hint=f"give a folder of photographs, or {SCIKIT_IMAGE}")
-    photos = tuple(sorted(path for path in where.iterdir() if path.is_file() and path.suffix.lower() in _TYPES))
+    named = (path for path in where.iterdir() if path.suffix.lower() in SUFFIXES and not path.name.startswith("."))
+    photos = tuple(sorted((path for path in named if path.is_file()), key=lambda path: natural_key(path.name)))
     if not photos:
-        raise UsageError("no photographs in this folder", file=where, hint=f"put in {', '.join(_TYPES)}")
+        raise UsageError("no photographs in this folder", file=where, hint=f"put in {', '.join(SUFFIXES)}")
     return photos
 
 
@@ -61,7 +66,7 @@ def photo_ground(path: str | Path, rng: np.random.Generator | None = None) -> Gr
 
 def _shipped() -> tuple[Path, ...]:
     try:
-        from skimage import data
+        data = import_module("skimage.data")
     except ImportError:
         raise UsageError(f"{SCIKIT_IMAGE} is not installed", hint=f"pip install {SCIKIT_IMAGE}") from None
     photos = tuple(Path(data.data_dir) / name for name in _SHIPPED)
@@ -70,18 +75,14 @@ def _shipped() -> tuple[Path, ...]:
 
 def _read(path: Path) -> Bytes:
     try:
-        content = np.fromfile(path, np.uint8)
-    except OSError as error:
-        raise InputError(f"cannot be read: {error.strerror or error}", file=path) from None
-    try:
-        picture = cv2.imdecode(content, cv2.IMREAD_COLOR) if content.size else None
-    except cv2.error:
-        picture = None
-    if picture is None:
-        raise InputError("is no picture, or a broken one", file=path, hint="take it out of the folder")
-    if min(picture.shape[:2]) < _SMALLEST_PX:
-        raise InputError(f"has less than {_SMALLEST_PX} pixels a side", file=path, hint="take it out of the folder")
-    return np.asarray(picture, dtype=np.uint8)
+        found = read_picture(path)
+    except PictureError as error:
+        raise InputError(str(error), file=path, hint=_HINT) from None
+    if found.damage:
+        raise InputError(found.damage, file=path, hint=_HINT)
+    if min(found.image.shape[:2]) < _SMALLEST_PX:
+        raise InputError(f"has less than {_SMALLEST_PX} pixels a side", file=path, hint=_HINT)
+    return found.image
 
 
 def _shrunk(picture: Bytes) -> Bytes:

@@ -13,7 +13,7 @@ _FAR_M = 1e5  # float32 knows a point this far away to a centimetre; nothing is 
 _SHARPER = 0.25  # levels finer than a texel a pixel: the blend of two levels is softer than a lens
 _STEP = 4  # the patches are slow, so one pixel of 4 x 4 is enough
 _FACTORS = (np.arange(256) / 128.0).astype(np.float32)
-_GREY = np.float32([[0.114, 0.587, 0.299]])
+_GREY = np.array([[0.114, 0.587, 0.299]], np.float32)
 
 
 def ground_albedo(ground: GroundTexture, x_m: Map, y_m: Map, footprint_m: Map) -> Map:
@@ -43,15 +43,14 @@ def relative_detail(ground: GroundTexture, albedo: Map) -> Map:
 
 
 def _finite(values: Map) -> Map:
-    # fmin and fmax let go of NaN
-    finite: Map = np.fmin(np.fmax(values, np.float32(-_FAR_M)), np.float32(_FAR_M))
-    return finite
+    finite = np.clip(values, np.float32(-_FAR_M), np.float32(_FAR_M))
+    return np.asarray(cv2.patchNaNs(finite, 0.0), dtype=np.float32)
 
 
 def _levels(footprint_m: Map) -> Map:
     """Return log2 of the footprint in metres, finite."""
-    kept = np.fmin(np.fmax(np.asarray(footprint_m, np.float32), np.float32(1e-5)), np.float32(_FAR_M))
-    return np.log2(kept)
+    kept = np.clip(np.asarray(footprint_m, np.float32), np.float32(1e-5), np.float32(_FAR_M))
+    return np.log2(np.asarray(cv2.patchNaNs(kept, _FAR_M), np.float32))
 
 
 def _lod(levels: Map, texel_m: float) -> Map:
@@ -81,11 +80,15 @@ def _cycle(values: Map, tile_m: float, mirrored: bool) -> Map:
 
 def _table(ground: GroundTexture) -> Map:
     """Return (1, 256, 3): linear light of a byte, tinted."""
-    return (linear_lut("srgb")[:, None] * np.float32(ground.tint))[None]
+    return np.asarray(linear_lut("srgb")[:, None] * np.array(ground.tint, np.float32), np.float32)[None]
 
 
 def _blended(atlas: Atlas, u: Map, v: Map, lod: Map, table: Map) -> Map:
-    """Return the picture at fractional levels `lod` (H, W), blended between the two next to each."""
+    """Return the picture at fractional levels `lod` (H, W), blended between the two next to each.
+
+    The levels are averages of light, and so is the blend of two; only from texel to texel it is bytes that are
+    blended, which is four times as fast and darkens the hardest edges a little.
+    """
     last = np.float32(atlas.levels - 1)
     lod = np.clip(lod, np.float32(0.0), last)
     lower = lod.astype(np.uint8)
@@ -93,8 +96,8 @@ def _blended(atlas: Atlas, u: Map, v: Map, lod: Map, table: Map) -> Map:
     share = lod - lower
     if float(share.max()) < 0.02:
         return first
-    upper = cv2.min(lower + np.uint8(1), atlas.levels - 1)
-    second = np.asarray(cv2.LUT(_looked_up(atlas, u, v, np.asarray(upper, np.uint8)), table), dtype=np.float32)
+    upper = np.minimum(lower + np.uint8(1), np.uint8(last))
+    second = np.asarray(cv2.LUT(_looked_up(atlas, u, v, upper), table), dtype=np.float32)
     second -= first
     second *= cv2.merge([share, share, share])
     first += second
@@ -109,7 +112,8 @@ def _looked_up(atlas: Atlas, u: Map, v: Map, level: NDArray[np.uint8]) -> Bytes:
     )
     # the centre of the first texel is half a texel from the edge
     where = cv2.merge([u * width + (left - np.float32(0.5)), v * height + (top - np.float32(0.5))])
-    return np.asarray(cv2.remap(atlas.picture, where, None, cv2.INTER_LINEAR), dtype=np.uint8)  # type: ignore[call-overload]
+    found = cv2.remap(atlas.picture, where, None, cv2.INTER_LINEAR)  # type: ignore[call-overload]
+    return np.asarray(found if found.ndim == 2 else cv2.cvtColor(found, cv2.COLOR_BGRA2BGR), dtype=np.uint8)
 
 
 def _patches(ground: GroundTexture, x: Map, y: Map, levels: Map) -> Map:

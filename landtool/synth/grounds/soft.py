@@ -11,9 +11,9 @@ from landtool.synth.grounds.texture import Bytes, Map
 
 # earth below, then blades from the shade up
 _GRASS = (
-    ((26, 32, 12), (48, 76, 20), (86, 122, 34), (124, 152, 52), (164, 176, 84)),
-    ((30, 40, 16), (52, 92, 28), (78, 128, 40), (108, 160, 58), (144, 180, 84)),
-    ((40, 36, 18), (78, 84, 34), (112, 116, 50), (146, 142, 72), (184, 170, 106)),
+    ((28, 30, 16), (48, 66, 24), (78, 104, 38), (108, 132, 54), (146, 154, 86)),
+    ((28, 36, 18), (48, 78, 32), (72, 108, 44), (98, 136, 62), (130, 156, 88)),
+    ((40, 36, 22), (74, 76, 38), (106, 106, 56), (136, 130, 76), (170, 158, 108)),
     ((22, 34, 16), (36, 70, 28), (58, 100, 40), (84, 126, 54), (116, 148, 72)),
 )
 # deep, sky in it, glint
@@ -24,7 +24,7 @@ _WATER = (
     ((58, 60, 46), (128, 132, 116), (224, 224, 214)),
 )
 # shade, light
-_SNOW = (((196, 208, 226), (246, 248, 250)), ((204, 210, 218), (240, 240, 238)), ((184, 196, 216), (236, 242, 248)))
+_SNOW = (((176, 190, 212), (240, 242, 244)), ((186, 194, 204), (234, 234, 232)), ((168, 182, 206), (230, 236, 242)))
 _LAYERS = 10
 _SHADES = 14
 _BLADES = 230  # a shade and layer
@@ -42,9 +42,9 @@ def grass(rng: np.random.Generator) -> Painting:
         for color in _layer_colors(shades, layer / (_LAYERS - 1), rng):
             _draw_blades(canvas, color, lean, length, rng)
     picture = canvas.astype(np.float32) / 255.0
-    clumps = 0.12 * value_noise(TEXELS, 8, 0.7, rng)
+    clumps = 0.15 * value_noise(TEXELS, 16, 0.8, rng)
     picture *= (1.0 + clumps)[:, :, None]
-    dry = patches(rng, rng.uniform(0.10, 0.18), (1.35, 1.10, 0.85), rng.uniform(0.2, 1.0))
+    dry = patches(rng, rng.uniform(0.10, 0.16), (1.55, 1.12, 0.95), rng.uniform(0.2, 1.0), first=32)
     return Painting(leveled(picture, 8), rng.uniform(2.0, 3.2), dry, 0.10)
 
 
@@ -54,7 +54,7 @@ def _layer_colors(shades: list[Map], up: float, rng: np.random.Generator) -> Map
     lower = at.astype(np.int64)
     palette = np.stack(shades)
     colors = palette[lower] + (palette[lower + 1] - palette[lower]) * (at - lower)[:, None]
-    return np.float32(255.0 * colors * rng.normal(1.0, 0.05, (_SHADES, 3)))
+    return (255.0 * colors * rng.normal(1.0, 0.05, (_SHADES, 3))).astype(np.float32)
 
 
 def _draw_blades(canvas: Bytes, color: Map, lean: Map, length: float, rng: np.random.Generator) -> None:
@@ -94,7 +94,7 @@ def water(rng: np.random.Generator) -> Painting:
     slope = _waves(rng)
     share = 0.35 + 0.20 * slope + 0.05 * value_noise(TEXELS, 64, 0.8, rng)
     picture = mixed(deep, sky, np.clip(share, 0.0, 1.2))
-    picture = mixed(picture, glint, rng.uniform(0.3, 1.0) * smoothstep(1.9, 3.2, slope))
+    picture = mixed(picture, glint, rng.uniform(0.3, 1.0) * smoothstep(1.9, 3.6, slope))
     slow = patches(rng, 0.10, (0.82, 0.86, 0.88), rng.uniform(0.3, 1.0), first=8)
     return Painting(leveled(picture, 4), rng.uniform(5.0, 9.0), slow, 0.02)
 
@@ -109,7 +109,7 @@ def _waves(rng: np.random.Generator) -> Map:
     along = np.abs(kx * np.float32(np.cos(wind)) + ky * np.float32(np.sin(wind))) / k
     # slopes of waves between a peak length and one that capillaries smooth
     peak = rng.uniform(7.0, 14.0)
-    strength = k ** np.float32(-1.5) * np.exp(-((peak / k) ** 2) - (k / 260.0) ** 2) * (0.15 + along**2)
+    strength = k ** np.float32(-1.5) * np.exp(-((peak / k) ** 2) - (k / 150.0) ** 2) * (0.15 + along**2)
     noise = np.fft.rfft2(rng.standard_normal((TEXELS, TEXELS), np.float32))
     slope = np.fft.irfft2(noise * strength * (kx * np.cos(wind) + ky * np.sin(wind)) * 1j, s=(TEXELS, TEXELS))
     # crests are sharper than troughs
@@ -123,10 +123,10 @@ def snow(rng: np.random.Generator) -> Painting:
     """Paint soft drifts, bluish on the side away from the light, and the sparkle of crystals."""
     shade, light = pick(_SNOW, rng)
     angle = rng.uniform(0.0, 2 * np.pi)
-    height = enlarged(14.0 * value_noise(TEXELS // 4, 8, 0.5, rng), TEXELS)
+    height = enlarged(14.0 * value_noise(TEXELS // 4, 8, 0.56, rng), TEXELS)
     crust = 1.2 * value_noise(TEXELS, 64, 0.75, rng)
-    share = 0.72 + 0.22 * np.clip(lit(height, angle), -2, 2) + 0.10 * np.clip(lit(crust, angle), -2, 2)
+    share = 0.64 + 0.34 * np.clip(lit(height, angle), -2, 2) + 0.16 * np.clip(lit(crust, angle), -2, 2)
     share += 0.04 * value_noise(TEXELS, 256, 1.0, rng)
     picture = mixed(shade, light, share)
-    slow = patches(rng, 0.03, (0.90, 0.93, 0.97), rng.uniform(0.3, 1.0))
+    slow = patches(rng, 0.05, (0.86, 0.90, 0.96), rng.uniform(0.3, 1.0))
     return Painting(leveled(picture, 8), rng.uniform(3.0, 5.0), slow, 0.03)

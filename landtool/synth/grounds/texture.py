@@ -20,7 +20,8 @@ _RIM = 1  # texels around each level, for sampling between the last and the firs
 class Atlas:
     """A picture and its halvings.
 
-    picture: (rows, columns, channels) or (rows, columns) uint8. places: (4, 256) float32, of every level width,
+    picture: (rows, columns, 4) uint8, the last channel idle because OpenCV samples four channels twice as fast as
+    three, or (rows, columns). places: (4, 256) float32, of every level width,
     height, and the column and row of its first texel; a table of 256 because OpenCV looks up bytes. mirrored: the
     picture's repeats are mirror images, so that any picture joins without a seam.
     """
@@ -57,7 +58,7 @@ class GroundTexture:
     @property
     def mean(self) -> Map:
         """Albedo (3,) on average, linear light, blue first."""
-        mean: Map = self._mean * np.float32(self.tint)
+        mean: Map = self._mean * np.array(self.tint, np.float32)
         return mean
 
     @property
@@ -69,7 +70,7 @@ class GroundTexture:
     def _mean(self) -> Map:
         light = linear_lut("srgb")
         histograms = [np.bincount(self._first[:, :, i].ravel(), minlength=256) for i in range(3)]
-        return np.float32([counts @ light / counts.sum() for counts in histograms])
+        return np.array([counts @ light / counts.sum() for counts in histograms], np.float32)
 
     @property
     def _first(self) -> Bytes:
@@ -80,9 +81,9 @@ class GroundTexture:
 def color_atlas(encoded: Bytes, *, mirrored: bool = False) -> Atlas:
     """Return the atlas of an sRGB picture (H, W, 3); its halvings are averages of light."""
     levels = [encoded]
-    light = cv2.LUT(encoded, linear_lut("srgb"))
+    light = np.asarray(cv2.LUT(encoded, linear_lut("srgb")), dtype=np.float32)
     while min(light.shape[:2]) > 2:
-        light = cv2.resize(light, _half(light), interpolation=cv2.INTER_AREA)
+        light = np.asarray(cv2.resize(light, _half(light), interpolation=cv2.INTER_AREA), dtype=np.float32)
         levels.append(np.asarray(srgb_encode(light) * 255.0 + 0.5, dtype=np.uint8))
     return _stacked(levels, mirrored)
 
@@ -91,8 +92,9 @@ def factor_atlas(factors: Map) -> Atlas:
     """Return the atlas of factors (H, W) or (H, W, 3) around 1, which are kept up to 1.99."""
     levels = [factors]
     while min(levels[-1].shape[:2]) > 2:
-        levels.append(np.asarray(cv2.resize(levels[-1], _half(levels[-1]), interpolation=cv2.INTER_AREA)))
-    return _stacked([np.uint8(np.clip(level * 128.0 + 0.5, 0, 255)) for level in levels], mirrored=False)
+        smaller = cv2.resize(levels[-1], _half(levels[-1]), interpolation=cv2.INTER_AREA)
+        levels.append(np.asarray(smaller, dtype=np.float32))
+    return _stacked([np.clip(level * 128.0 + 0.5, 0, 255).astype(np.uint8) for level in levels], mirrored=False)
 
 
 def _half(picture: Map) -> tuple[int, int]:
@@ -105,12 +107,13 @@ def _stacked(levels: list[Bytes], mirrored: bool) -> Atlas:
     rimmed = [cv2.copyMakeBorder(level, _RIM, _RIM, _RIM, _RIM, border) for level in levels]
     height, width = rimmed[0].shape[:2]
     rows = max(height, sum(level.shape[0] for level in rimmed[1:]))
-    picture = np.zeros((rows, width + rimmed[1].shape[1], *levels[0].shape[2:]), np.uint8)
+    channels = () if levels[0].ndim == 2 else (4,)
+    picture = np.zeros((rows, width + rimmed[1].shape[1], *channels), np.uint8)
     places = np.zeros((4, 256), np.float32)
     left, top = 0, 0
     for index, level in enumerate(rimmed):
         h, w = level.shape[:2]
-        picture[top : top + h, left : left + w] = level
+        picture[top : top + h, left : left + w] = level if level.ndim == 2 else cv2.cvtColor(level, cv2.COLOR_BGR2BGRA)
         places[:, index] = (w - 2 * _RIM, h - 2 * _RIM, left + _RIM, top + _RIM)
         left, top = (width, 0) if index == 0 else (left, top + h)
     return Atlas(picture, places, len(levels), mirrored)
