@@ -79,19 +79,11 @@ def images(console: Console, /, output: Path, config: Path | None, overwrite: bo
     request = _request(settings, settings.n, pad, photos)
     jobs = settings.jobs or _cores()
     console.unfinished = "the same command goes on where this one stopped"
-    start = time.perf_counter()
     with console.counter(label=output.name, unit="image") as counter:
-        summary = write_dataset(
-            request,
-            output,
-            jobs=jobs,
-            overwrite=overwrite,
-            preview=settings.preview,
-            progress=_progress(console, counter),
-        )
-    _tell(console, summary, settings)
-    drawn, seconds = summary.images - summary.kept, time.perf_counter() - start
-    console.log(f"{drawn} images drawn in {seconds:.1f} s, {drawn / seconds:.1f} images/s with {jobs} processes")
+        progress = _progress(console, counter, jobs)
+        preview = settings.preview
+        made = write_dataset(request, output, jobs=jobs, overwrite=overwrite, preview=preview, progress=progress)
+    _tell(console, made, settings)
 
 
 @command.command("preview")
@@ -139,18 +131,27 @@ def _request(settings: GenerateConfig, n: int, pad: PadSpec, photos: Any) -> Dat
         raise InputError(error.reason, file=settings.pad, hint=error.hint) from error
 
 
-def _progress(console: Console, counter: Counter) -> Progress:
+def _progress(console: Console, counter: Counter, jobs: int) -> Progress:
+    """Move the bar, and say how long drawing took."""
+    began, left, drawn = 0.0, 0, 0
+
     def start(total: int, kept: int) -> None:
+        nonlocal began, left
+        began, left = time.perf_counter(), total - kept
         if kept:
             console.log(f"goes on where an earlier run stopped: {kept} of {total} images are there")
-        counter.expect(total)
-        done(kept)
+        counter.expect(left)
 
-    def done(count: int) -> None:
+    def images(count: int) -> None:
+        nonlocal drawn
+        drawn += count
         for _ in range(count):
             counter.add()
+        if drawn == left:
+            seconds = time.perf_counter() - began
+            console.log(f"{drawn} images in {seconds:.1f} s, {drawn / seconds:.1f} images/s, {jobs} at a time")
 
-    return Progress(start, done)
+    return Progress(start, images)
 
 
 def _tell(console: Console, summary: DatasetSummary, settings: GenerateConfig) -> None:
