@@ -27,6 +27,7 @@ from landtool.tags.reader import ReaderConfig, TagReader
 SIZE = (640, 480)
 TIMED = 240  # pictures: the start of the processes is in the time
 PROFILED = 60
+WARM = 40
 CLEAN = 200
 CORRELATED = 1120
 SEED = 3
@@ -46,14 +47,14 @@ SIDES = (
 STAGES = {
     "jpeg": ("jpeg",),
     "draw scene": ("make_sample", "domain", "viewpoint", "surroundings", "weather", "markings", "things", "signs"),
-    "ground": ("grounds", "floor", "paint"),
-    "objects": ("compose", "raster", "surfaces", "decals", "mesh"),
-    "pad": ("print_layer", "sheet", "grime", "texture"),
-    "rays and lens": ("view",),
+    "ground": ("grounds", "floor"),
+    "objects": ("compose", "raster", "surfaces", "decals", "mesh", "outlines"),
+    "pad": ("print_layer", "sheet", "grime", "texture", "pad", "families"),
+    "rays and lens": ("view", "camera", "geometry", "truth"),
     "shadow": ("shadow",),
     "fog": ("fog",),
     "motion blur": ("motion_blur",),
-    "sensor": ("sensor",),
+    "sensor": ("sensor", "tone"),
 }
 JPEG_CALLS = ("imencode", "imdecode")
 
@@ -155,7 +156,7 @@ def _held_kb(pid: int) -> int:
 
 def _stages() -> None:
     """Where the time of one picture goes, on one core."""
-    for index in range(5):  # tables and textures that are made once
+    for index in range(WARM):  # tables and textures that are made once
         make_sample(Domain(), PAD, SIZE, SEED + 1, index)
     start = time.process_time()
     for index in range(PROFILED):

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from landtool.errors import LandtoolError
 from landtool.io.images import SUFFIXES, PictureError, natural_key, read_picture
+from landtool.synth.preview.facts import read_facts
 from landtool.synth.preview.sheet import contact_sheet, evenly, fitted
 from landtool.types import Image
 
@@ -38,17 +39,18 @@ def main() -> int:
     parser.add_argument("dataset", type=Path)
     parser.add_argument("output", type=Path)
     parser.add_argument("folder", type=Path, nargs="*")
+    parser.add_argument("--clear", action="store_true", help="only the pictures of DATASET without fog")
     options = parser.parse_args()
     try:
-        print(compare(options.dataset, options.output, options.folder))
+        print(compare(options.dataset, options.output, options.folder, clear=options.clear))
     except LandtoolError as error:
         parser.exit(error.exit_code, f"compare_looks: {error}\n")
     return 0
 
 
-def compare(dataset: Path, output: Path, folders: Sequence[Path]) -> str:
+def compare(dataset: Path, output: Path, folders: Sequence[Path], *, clear: bool = False) -> str:
     """Write the sheet to `output` and return the table. Raises LandtoolError for folders that hold no pictures."""
-    ours = pictures_of(dataset)
+    ours = without_fog(dataset) if clear else pictures_of(dataset)
     others = {folder: pictures_of(folder) for folder in folders}
     mixed = [path for paths in others.values() for path in (paths[i] for i in evenly(len(paths), SHOWN // len(others)))]
     rows = math.ceil(min(max(len(ours), len(mixed)), SHOWN) / SIDE_BY)
@@ -70,6 +72,12 @@ def pictures_of(folder: Path) -> list[Path]:
     if not paths:
         raise LandtoolError("holds no images", file=folder, hint="give a folder of pictures")
     return sorted(paths, key=lambda path: natural_key(str(path.relative_to(folder))))
+
+
+def without_fog(dataset: Path) -> list[Path]:
+    """Return the pictures of a data set that are clear. Raises LandtoolError when its truth.csv cannot be read."""
+    facts = read_facts(dataset)
+    return [dataset / file for file, beta in zip(facts.files, facts.numbers["beta_per_m"], strict=True) if beta == 0.0]
 
 
 def side(paths: Sequence[Path], rows: int) -> Image:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PilImage
 
+from landtool.camera import Camera
 from landtool.errors import InputError
 from landtool.geometry import Array
 from landtool.io.labels import picture_size
@@ -18,6 +19,8 @@ TRUTH = "truth.csv"
 AGAIN = "generate the data set again"
 _BOX = ("x_min_px", "y_min_px", "x_max_px", "y_max_px")
 _CORNERS = tuple(f"{axis}{i}_px" for i in range(4) for axis in "xy")
+_CAMERA = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
+_PAD = ("camera_T_pad_x_m", "camera_T_pad_y_m", "camera_T_pad_z_m")
 _NUMBERS = ("size_px", "visible_fraction", "height_m", "tilt_rad", "yaw_rad", "beta_per_m", "light", "shadow")
 # deviation of a Gaussian of sigma 1, a disc of radius 1 and a line of length 1
 _BLUR_SIGMA = {"psf_sigma_px": 1.0, "defocus_radius_px": 0.5, "motion_px": 12.0**-0.5}
@@ -28,7 +31,7 @@ _COLUMNS: Columns = {
     "carrier": str,
     "signs": str,
     "applied": str,
-} | dict.fromkeys((*_NUMBERS, *_BOX, *_CORNERS), float)
+} | dict.fromkeys((*_NUMBERS, *_BOX, *_CORNERS, *_CAMERA, *_PAD), float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +39,8 @@ class Facts:
     """N pictures of width x height; what is said of a pad is NaN or empty where none is in the picture.
 
     files: relative to the data set. present: (N,) bool. numbers: columns of truth.csv (N,) by name. blur_px: (N,)
-    deviation of everything that blurs. box_px: (N, 4) x_min, y_min, x_max, y_max; tag_corners_px: (N, 4, 2). ground,
+    deviation of everything that blurs. box_px: (N, 4) x_min, y_min, x_max, y_max; centre_px: (N, 2) of the pad, in
+    the picture or not; tag_corners_px: (N, 4, 2). ground,
     carrier: names; signs: of each picture.
     """
 
@@ -47,6 +51,7 @@ class Facts:
     numbers: dict[str, Array]
     blur_px: Array
     box_px: Array
+    centre_px: Array
     tag_corners_px: Array
     ground: tuple[str, ...]
     carrier: tuple[str, ...]
@@ -55,11 +60,9 @@ class Facts:
     def __len__(self) -> int:
         return len(self.files)
 
-    @property
-    def place(self) -> Array:
-        """The centre (N, 2) of the box, x and y as shares of the picture; NaN without a pad."""
-        centre = (self.box_px[:, :2] + self.box_px[:, 2:]) / 2.0
-        shares: Array = (centre + 0.5) / (self.width, self.height)
+    def shares(self, points_px: Array) -> Array:
+        """Return points (N, 2) as shares of the picture's width and height."""
+        shares: Array = (points_px + 0.5) / (self.width, self.height)
         return shares
 
 
@@ -87,10 +90,23 @@ def read_facts(dataset: Path) -> Facts:
         numbers=numbers,
         blur_px=_blur(table),
         box_px=np.where(present[:, None], box, np.nan),
+        centre_px=np.where(present[:, None], _centres(table, width, height), np.nan),
         tag_corners_px=np.where(present[:, None, None], corners, np.nan),
         ground=tuple(table.texts("ground")),
         carrier=tuple(table.texts("carrier")),
         signs=tuple(tuple(text.split()) for text in table.texts("signs")),
+    )
+
+
+def _centres(table: ReadTable, width: int, height: int) -> Array:
+    """Return the pixels (N, 2) of the pads' centres."""
+    lenses = np.column_stack([table.floats(name) for name in _CAMERA])
+    places = np.column_stack([table.floats(name) for name in _PAD])
+    return np.concatenate(
+        [
+            Camera(width, height, *lens[:4], distortion=tuple(lens[4:])).project(place)
+            for lens, place in zip(lenses, places, strict=True)
+        ]
     )
 
 

@@ -25,9 +25,13 @@ _BINS = 30
 
 
 def truth_correlations(facts: Facts) -> list[Correlation]:
-    """Return how the logarithm of the pad's size goes with everything it should be independent of."""
+    """Return how the logarithm of the pad's size goes with everything it should be independent of.
+
+    The place is that of the pad's own centre: the centre of a box that is cut at the border is nearer to the middle the
+    larger the box is, however it was placed.
+    """
     number = facts.numbers
-    place = facts.place
+    place = facts.shares(facts.centre_px)
     numbers = {
         "place x": place[:, 0],
         "place y": place[:, 1],
@@ -65,7 +69,7 @@ def draw_statistics(facts: Facts, brightness: Array) -> bytes:
 
 
 def _histograms(figure: SubFigure, facts: Facts, brightness: Array) -> None:
-    axes = figure.subplots(3, 4)
+    axes = figure.subplots(3, 4, height_ratios=(1.0, 1.0, 1.5))
     number, beta = facts.numbers, facts.numbers["beta_per_m"]
     _histogram(axes[0, 0], number["size_px"], "ring's diameter, px", log=True)
     _histogram(axes[0, 1], number["height_m"], "height, m", log=True)
@@ -108,7 +112,8 @@ def _histogram(axes: Axes, values: Array, title: str, *, log: bool = False) -> N
 
 def _places(axes: Axes, facts: Facts) -> None:
     """Draw where boxes have their centres; evenly filled but at the border, where pads are cut."""
-    place = facts.place[facts.present]
+    box = facts.box_px
+    place = facts.shares((box[:, :2] + box[:, 2:]) / 2.0)[facts.present]
     counts, _, _ = np.histogram2d(place[:, 1], place[:, 0], bins=(9, 12), range=((0, 1), (0, 1)))
     axes.imshow(counts, cmap="viridis", vmin=0, extent=(0, 1, 1, 0), aspect=0.75)
     axes.set_title(f"centre of the box, share of the picture\n0 to {int(counts.max())} a cell", fontsize=10)
@@ -118,7 +123,7 @@ def _counts(axes: Axes, names: Iterable[str], title: str) -> None:
     counted = sorted(Counter(names).items(), key=lambda item: (item[1], item[0]))
     labels, counts = [name or "-" for name, _ in counted], [count for _, count in counted]
     axes.barh(labels, counts, color=_BLUE)
-    axes.tick_params(axis="y", labelsize=8)
+    axes.tick_params(axis="y", labelsize=8 if len(counted) < 20 else 6)
     axes.set_title(f"{title} ({len(counted)} kinds, {sum(counts)})", fontsize=10)
 
 

@@ -11,6 +11,7 @@ import pytest
 
 from landtool.camera import Camera
 from landtool.errors import InputError, OutputExistsError, UsageError
+from landtool.geometry import Pose
 from landtool.io.labels import data_yaml, label_path, yolo_rows
 from landtool.io.tables import format_cell
 from landtool.strokes import SKY, VERMILLION, YELLOW
@@ -45,6 +46,7 @@ def _truth(index: int, rng: np.random.Generator) -> Truth:
         present=True,
         visible_fraction=1.0,
         box_px=np.array(BOX),
+        camera_T_pad=Pose.from_rotvec([0.2, -0.4, 2.0], [3.1, 0.0, 0.0]),
         tag_corners_px=TAG,
         size_px=rng.uniform(8, 400),
         height_m=rng.uniform(1, 20),
@@ -139,8 +141,9 @@ def test_statistics_survive_a_data_set_without_any_pad(tmp_path: Path) -> None:
 def test_facts_are_those_of_the_table(tmp_path: Path) -> None:
     facts = read_facts(_write(tmp_path / "set"))
     assert facts.present.tolist() == [i % 5 != 4 for i in range(12)]
-    np.testing.assert_allclose(facts.place[0], [200.5 / 640, 125.5 / 480])
-    assert np.isnan(facts.place[4]).all()
+    np.testing.assert_allclose(facts.centre_px[0], [CAMERA.cx + 0.1 * CAMERA.fx, CAMERA.cy - 0.2 * CAMERA.fy])
+    np.testing.assert_allclose(facts.shares(np.array([[319.5, 119.5]])), [[0.5, 0.25]])
+    assert np.isnan(facts.centre_px[4]).all()
     np.testing.assert_allclose(facts.blur_px, range(12))
     assert facts.signs[:3] == ((), ("text", "old-tyre"), ("text", "old-tyre") * 2)
 
