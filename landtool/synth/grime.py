@@ -17,7 +17,7 @@ _SIDE = 512
 _CLOUDY, _PATCHY, _GRAINY = 2.6, 1.5, 0.9
 _VARIANTS = 2
 _FIELD_SIDE = 1024
-_TREAD = 64
+_TREAD, _TREAD_LONG = 64, 896  # texels of a tyre's print before it is enlarged, longer than any diagonal then
 
 # albedos, linear light, blue first: what soils a print
 _DUST = np.array([0.17, 0.21, 0.24])
@@ -105,7 +105,8 @@ def _mottled(rng: Generator, dirtiness: float) -> Layer:
     cover = _ramp(patches, start, float(rng.uniform(0.04, 0.3)))
     cover *= np.float32(rng.uniform(0.15, 0.5) * math.sqrt(dirtiness))
     cover += noise(rng, _GRAINY, 1.0) * np.float32(0.10 * dirtiness)
-    cover += noise(rng, _CLOUDY, 1.0) * np.float32(0.15 * dirtiness * rng.random())
+    if rng.random() < 0.4:
+        cover += noise(rng, _CLOUDY, 1.0) * np.float32(0.2 * dirtiness * rng.random())
     return cover, _tinted(rng, _DUST) * rng.uniform(0.15, 1.0)
 
 
@@ -121,9 +122,9 @@ def _water_stain(rng: Generator) -> Layer:
 
 def _tyre_mark(rng: Generator) -> Layer:
     """The print of a tyre's tread, worn in patches."""
-    tread = np.zeros((_TREAD, 2 * _SIDE), np.float32)
+    tread = np.zeros((_TREAD, _TREAD_LONG), np.float32)
     pitch, lean = int(rng.integers(14, 26)), int(rng.integers(-10, 11))
-    for x in range(-40, 2 * _SIDE + 40, pitch):
+    for x in range(-40, _TREAD_LONG + 40, pitch):
         for top in range(2, _TREAD, 16):
             slope = lean if (top // 16) % 2 else -lean
             corners = np.array(
@@ -132,7 +133,7 @@ def _tyre_mark(rng: Generator) -> Layer:
             cv2.fillConvexPoly(tread, corners.astype(np.int32), (1.0,), cv2.LINE_AA)
     turn, size = rng.uniform(0.0, 2.0 * math.pi), rng.uniform(1.1, 1.9)
     c, s = size * math.cos(turn), size * math.sin(turn)
-    centre, target = np.array([_SIDE, _TREAD / 2.0]), rng.uniform(0.2, 0.8, 2) * _SIDE
+    centre, target = np.array([_TREAD_LONG / 2.0, _TREAD / 2.0]), rng.uniform(0.2, 0.8, 2) * _SIDE
     linear = np.array([[c, -s], [s, c]])
     matrix = np.column_stack([linear, target - linear @ centre])
     cover = np.asarray(cv2.warpAffine(tread, matrix, (_SIDE, _SIDE)), dtype=np.float32)
