@@ -116,7 +116,8 @@ def _water_stain(rng: Generator) -> Layer:
     level = float(rng.uniform(0.6, 0.85))
     cover = _ramp(pool, level, 0.01) * np.float32(rng.uniform(0.02, 0.10))
     off = (pool - np.float32(level + 0.006)) * np.float32(140.0)
-    cover += np.asarray(cv2.exp(-off * off)) * np.float32(rng.uniform(0.1, 0.3))
+    # no rim beyond four widths; smaller values would be denormal, and slow
+    cover += np.asarray(cv2.exp(np.maximum(-off * off, np.float32(-16.0)))) * np.float32(rng.uniform(0.1, 0.3))
     return cover, _tinted(rng, _RUST if rng.random() < 0.5 else _DUST)
 
 
