@@ -57,6 +57,11 @@ def test_the_haze_model_is_applied_in_place() -> None:
     np.testing.assert_allclose(light[:8], np.broadcast_to(np.float32(AIR), (8, 128, 3)), atol=1e-7)
 
 
+def test_light_that_cannot_be_changed_in_place_is_refused() -> None:
+    with pytest.raises(ValueError, match="copy"):
+        Fog(0.05).apply(np.zeros((9, 8, 3), np.float32)[:, ::2], np.ones((9, 4), np.float32))
+
+
 def test_unrounded_fog_is_inverted_exactly() -> None:
     light, distance = scene()
     t = BANKS.transmission(distance, distance, distance)
