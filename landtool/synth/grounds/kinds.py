@@ -20,8 +20,9 @@ GroundKind = Literal[
 ]
 KINDS: tuple[GroundKind, ...] = get_args(GroundKind)
 VARIANTS = 2
-"""Different grounds of a kind that are worth keeping: each takes 7 MB."""
-_PAINTERS: dict[GroundKind, Callable[[np.random.Generator], Painting]] = {
+"""Different grounds of a kind that are worth keeping: each takes 9 MB."""
+_LOOKS = 60  # a multiple of the number of palettes of every kind, so that none is preferred
+_PAINTERS: dict[GroundKind, Callable[[np.random.Generator, int], Painting]] = {
     "asphalt": asphalt,
     "concrete": concrete,
     "gravel": gravel,
@@ -36,17 +37,20 @@ _PAINTERS: dict[GroundKind, Callable[[np.random.Generator], Painting]] = {
 }
 
 
-def make_ground_texture(kind: GroundKind, rng: np.random.Generator) -> GroundTexture:
+def make_ground_texture(kind: GroundKind, rng: np.random.Generator, look: int | None = None) -> GroundTexture:
     """Return a ground of a kind, other colours and stones for other states of `rng`.
 
-    Raises UsageError for an unknown kind.
+    look: which of the kind's palettes, counted round; None draws one. Raises UsageError for an unknown kind.
     """
     if kind not in _PAINTERS:
         raise UsageError(f"unknown ground '{kind}'", hint=f"known: {', '.join(KINDS)}")
-    return _PAINTERS[kind](rng).texture(kind, rng)
+    look = int(rng.integers(_LOOKS)) if look is None else look
+    return _PAINTERS[kind](rng, look).texture(kind, rng)
 
 
 @lru_cache(maxsize=len(KINDS) * VARIANTS)
 def ground(kind: GroundKind, variant: int, seed: int) -> GroundTexture:
     """Return a variant of a kind; the same seed (0 or more) has the same grounds. Kept, so do not change it."""
-    return make_ground_texture(kind, np.random.default_rng([seed, KINDS.index(kind), variant]))
+    # neighbouring variants have different palettes
+    first = int(np.random.default_rng([seed, KINDS.index(kind)]).integers(_LOOKS))
+    return make_ground_texture(kind, np.random.default_rng([seed, KINDS.index(kind), variant]), first + variant)

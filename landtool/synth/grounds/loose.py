@@ -44,9 +44,9 @@ _SAND = (
 )
 
 
-def asphalt(rng: np.random.Generator) -> Painting:
+def asphalt(rng: np.random.Generator, look: int) -> Painting:
     """Paint dark binder with stones of 6 to 12 mm in it, worn bare here and there."""
-    binder, *stones = pick(_ASPHALT, rng)
+    binder, *stones = pick(_ASPHALT, look, rng)
     grit = cells(TEXELS, 300, 1.0, rng)
     bare = np.float32(rng.uniform(0.35, 0.75)) + 0.15 * value_noise(TEXELS, 16, 0.7, rng)
     shown = per_cell_values(grit, rng.random(grit.count, np.float32)) < bare
@@ -67,9 +67,9 @@ def _lanes(rng: np.random.Generator) -> Map:
     return (bright * seam).astype(np.float32)[:, None, None]
 
 
-def gravel(rng: np.random.Generator) -> Painting:
+def gravel(rng: np.random.Generator, look: int) -> Painting:
     """Paint stones that lie on one another, each with its colour, its lit and its shaded side."""
-    colors = pick(_GRAVEL, rng)
+    colors = pick(_GRAVEL, look, rng)
     angle, side = rng.uniform(0.0, 2 * np.pi), int(rng.integers(52, 84))
     below = _stones(side * 2, colors, angle, rng) * np.float32(0.55)
     top = cells(TEXELS, side, 1.0, rng)
@@ -108,9 +108,9 @@ def _shaded(
     return picture
 
 
-def soil(rng: np.random.Generator) -> Painting:
+def soil(rng: np.random.Generator, look: int) -> Painting:
     """Paint crumbs and clods of earth with pebbles and bits of straw."""
-    dark, bright, straw = pick(_SOIL, rng)
+    dark, bright, straw = pick(_SOIL, look, rng)
     angle = rng.uniform(0.0, 2 * np.pi)
     height = 5.0 * value_noise(TEXELS, 16, 0.8, rng)
     for side, big in ((90, 2.6), (200, 1.4)):
@@ -128,9 +128,9 @@ def soil(rng: np.random.Generator) -> Painting:
     return Painting(leveled(picture, 8), rng.uniform(2.6, 4.0), slow, 0.14)
 
 
-def sand(rng: np.random.Generator) -> Painting:
+def sand(rng: np.random.Generator, look: int) -> Painting:
     """Paint fine sand, rippled by wind or trodden, with darker grains."""
-    shade, light, grain = pick(_SAND, rng)
+    shade, light, grain = pick(_SAND, look, rng)
     angle = rng.uniform(0.0, 2 * np.pi)
     height = 7.0 * value_noise(TEXELS, 16, 0.55, rng)
     if rng.random() < 0.5:

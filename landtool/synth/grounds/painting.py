@@ -54,9 +54,9 @@ def color(rgb: Rgb) -> Map:
     return np.array(rgb[::-1], np.float32) / np.float32(255.0)
 
 
-def pick(palettes: tuple[tuple[Rgb, ...], ...], rng: np.random.Generator) -> list[Map]:
-    """Return the colours of one palette, a little brighter or darker, warmer or cooler than written."""
-    chosen = palettes[int(rng.integers(len(palettes)))]
+def pick(palettes: tuple[tuple[Rgb, ...], ...], look: int, rng: np.random.Generator) -> list[Map]:
+    """Return the colours of palette `look`, counted round, a little brighter or darker, warmer or cooler than written."""
+    chosen = palettes[look % len(palettes)]
     warmth = rng.normal(0.0, 0.02)
     shift = rng.normal(1.0, 0.06) * np.array([1 - warmth, 1.0, 1 + warmth])
     return [color(rgb) * shift.astype(np.float32) for rgb in chosen]

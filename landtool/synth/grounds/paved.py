@@ -27,7 +27,7 @@ _CONCRETE = (
 # grout, then tiles
 _TILES = (
     ((150, 142, 134), (190, 182, 168), (180, 170, 156)),
-    ((120, 92, 84), (196, 132, 116), (184, 120, 106)),
+    ((112, 90, 84), (174, 126, 114), (164, 116, 106)),
     ((92, 92, 92), (150, 150, 150), (138, 138, 140)),
     ((176, 174, 168), (122, 128, 136), (130, 136, 142)),
     ((110, 100, 88), (178, 132, 92), (164, 116, 80)),
@@ -48,9 +48,9 @@ _SLABS = 2  # a side of the tile
 _SLAB_PATCH = 8  # texels of the patches that a slab covers, so that each has its own tone
 
 
-def concrete(rng: np.random.Generator) -> Painting:
+def concrete(rng: np.random.Generator, look: int) -> Painting:
     """Paint cast slabs: cloudy, porous, stained, with joints between them."""
-    dark, bright, joint = pick(_CONCRETE, rng)
+    dark, bright, joint = pick(_CONCRETE, look, rng)
     cloud = 0.12 * value_noise(TEXELS, 8, 0.8, rng) + 0.10 * value_noise(TEXELS, 64, 1.0, rng)
     picture = mixed(dark, bright, np.clip(0.55 + cloud, -0.3, 1.4))
     pores = value_noise(TEXELS, 256, 1.1, rng) + 0.3 * value_noise(TEXELS, 16, 0.7, rng)
@@ -72,9 +72,9 @@ def _slab_tones(rng: np.random.Generator) -> Map:
     return slabs
 
 
-def tiles(rng: np.random.Generator) -> Painting:
+def tiles(rng: np.random.Generator, look: int) -> Painting:
     """Paint square flags in a grid or in half-shifted courses, hardly apart in colour."""
-    grout, *shades = pick(_TILES, rng)
+    grout, *shades = pick(_TILES, look, rng)
     side = int(rng.choice((8, 10, 12)))
     flags = paving(TEXELS, side, side, 0.0, rng, shift=float(rng.choice((0.0, 0.0, 0.5))))
     picture = per_cell(flags, shades, 0.025, rng)
@@ -89,18 +89,18 @@ def tiles(rng: np.random.Generator) -> Painting:
     return Painting(leveled(picture, 4), rng.uniform(3.2, 5.0), slow, 0.05)
 
 
-def cobbles(rng: np.random.Generator) -> Painting:
+def cobbles(rng: np.random.Generator, look: int) -> Painting:
     """Paint hewn stones in courses, each of its own colour and its own slope."""
-    joint, *shades = pick(_COBBLES, rng)
+    joint, *shades = pick(_COBBLES, look, rng)
     rows = int(rng.choice((24, 28, 32)))
     stones = paving(TEXELS, rows, rows - 4 * int(rng.integers(0, 2)), 2.6, rng)
     picture = per_cell(stones, shades, 0.08, rng)
     return _laid(picture, stones.edge, joint, (1.6, 3.8), TEXELS / rows * 0.14, rng, rng.uniform(2.8, 3.8))
 
 
-def brick(rng: np.random.Generator) -> Painting:
+def brick(rng: np.random.Generator, look: int) -> Painting:
     """Paint bricks in running bond, mortar or sand between them."""
-    joint, *shades = pick(_BRICK, rng)
+    joint, *shades = pick(_BRICK, look, rng)
     rows, columns = ((32, 16), (36, 18), (28, 14))[int(rng.integers(3))]
     bricks = paving(TEXELS, rows, columns, 0.6, rng)
     picture = per_cell(bricks, shades, 0.07, rng)

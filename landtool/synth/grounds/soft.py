@@ -31,9 +31,9 @@ _BLADES = 230  # a shade and layer
 _FRACTION_BITS = 3
 
 
-def grass(rng: np.random.Generator) -> Painting:
+def grass(rng: np.random.Generator, look: int) -> Painting:
     """Paint blade over blade, the upper ones brighter, in clumps that lean together."""
-    earth, *shades = pick(_GRASS, rng)
+    earth, *shades = pick(_GRASS, look, rng)
     canvas = np.empty((TEXELS, TEXELS, 3), np.uint8)
     canvas[:] = np.clip(earth * 255, 0, 255)
     lean = value_noise(64, 8, 0.6, rng) * 1.3 + rng.uniform(0, 2 * np.pi)
@@ -42,7 +42,7 @@ def grass(rng: np.random.Generator) -> Painting:
         for color in _layer_colors(shades, layer / (_LAYERS - 1), rng):
             _draw_blades(canvas, color, lean, length, rng)
     picture = canvas.astype(np.float32) / 255.0
-    clumps = 0.15 * value_noise(TEXELS, 16, 0.8, rng)
+    clumps = 0.08 * value_noise(TEXELS, 32, 0.9, rng)
     picture *= (1.0 + clumps)[:, :, None]
     dry = patches(rng, rng.uniform(0.10, 0.16), (1.55, 1.12, 0.95), rng.uniform(0.2, 1.0), first=32)
     return Painting(leveled(picture, 8), rng.uniform(2.0, 3.2), dry, 0.10)
@@ -88,9 +88,9 @@ def _over_the_edge(
     return copies
 
 
-def water(rng: np.random.Generator) -> Painting:
+def water(rng: np.random.Generator, look: int) -> Painting:
     """Paint waves of many lengths that mirror the sky on one side and glint here and there."""
-    deep, sky, glint = pick(_WATER, rng)
+    deep, sky, glint = pick(_WATER, look, rng)
     slope = _waves(rng)
     share = 0.35 + 0.20 * slope + 0.05 * value_noise(TEXELS, 64, 0.8, rng)
     picture = mixed(deep, sky, np.clip(share, 0.0, 1.2))
@@ -119,9 +119,9 @@ def _waves(rng: np.random.Generator) -> Map:
     return waves
 
 
-def snow(rng: np.random.Generator) -> Painting:
+def snow(rng: np.random.Generator, look: int) -> Painting:
     """Paint soft drifts, bluish on the side away from the light, and the sparkle of crystals."""
-    shade, light = pick(_SNOW, rng)
+    shade, light = pick(_SNOW, look, rng)
     angle = rng.uniform(0.0, 2 * np.pi)
     height = enlarged(14.0 * value_noise(TEXELS // 4, 8, 0.56, rng), TEXELS)
     crust = 1.2 * value_noise(TEXELS, 64, 0.75, rng)
