@@ -55,7 +55,7 @@ def color(rgb: Rgb) -> Map:
 
 
 def pick(palettes: tuple[tuple[Rgb, ...], ...], look: int, rng: np.random.Generator) -> list[Map]:
-    """Return the colours of palette `look`, counted round, a little brighter or darker, warmer or cooler than written."""
+    """Return the colours of palette `look`, counted round, a little brighter or warmer than written, or less."""
     chosen = palettes[look % len(palettes)]
     warmth = rng.normal(0.0, 0.02)
     shift = rng.normal(1.0, 0.06) * np.array([1 - warmth, 1.0, 1 + warmth])
