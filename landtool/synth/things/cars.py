@@ -78,9 +78,10 @@ def pickup(rng: Generator, _: float, keep_m: float) -> Body:
     foot, tail = shape.stations[4:]
     deck_z = shape.belt_z if covered else shape.nose_z + float(rng.uniform(0.01, 0.08))
     floor = paint.plain(rng)
-    # the cab's half of the body ends where the bed begins, so that the bed can be painted below it
-    parts: list[Mesh] = [*_under(rng, shape), *_bed(rng, shape, deck_z, floor, covered), _upper(shape, foot)]
-    parts += [_skin(rng, shape, parts[-1], tail_lights=False), *_mirrors(shape), *_cabin(rng, shape, blind=False)]
+    # the cab's half of the body ends where the bed begins: it stands behind a cover, and above an open bed
+    upper, bed_parts = _upper(shape, foot), _bed(rng, shape, deck_z, floor, covered)
+    parts = [*_under(rng, shape), *([upper, *bed_parts] if covered else [*bed_parts, upper])]
+    parts += [_skin(rng, shape, upper, tail_lights=False), *_mirrors(shape), *_cabin(rng, shape, blind=False)]
     x = (foot + tail) / 2.0 + 0.05  # the tailgate takes its share
     if rng.random() < 0.3:
         parts += gear(rng, shape.stations[3] + 0.3, 0.0, shape.roof_z + 0.05, 0.25)
@@ -245,4 +246,7 @@ def _bed(rng: Generator, shape: _Shape, deck_z_m: float, floor: Albedo, covered:
     parts = [box((*inner, deck_z_m - shape.nose_z), (x, 0.0, (shape.nose_z + deck_z_m) / 2.0), floor)]
     parts += [planks(rng, *inner, deck_z_m, floor, count=7, x_m=x, gap_m=0.03)]
     parts += [box((length, 0.09, high), (x, s * y, z), shape.body) for s in (1.0, -1.0)]
-    return [*parts, box((0.08, 2 * y + 0.09, high), (tail + 0.1, 0.0, z), shape.body)]
+    gate = box((0.08, 2 * y + 0.09, high), (tail + 0.1, 0.0, z), shape.body)
+    lamp = np.array([[tail + 0.059, b, c] for b, c in ((0.08, -0.4), (-0.08, -0.4), (-0.08, 0.4), (0.08, 0.4))])
+    lamps = [lamp * (1.0, 1.0, high) + (0.0, s * (y - 0.06), z) for s in (1.0, -1.0)]
+    return [*parts, gate, panels(lamps, [_TAIL, _TAIL])]

@@ -28,21 +28,23 @@ def flatbed(rng: Generator, side_m: float, keep_m: float) -> Body:
     )
     axles = [cab_x, deck_x - length * 0.25] + ([deck_x + length * 0.15] if length > 1.6 * side_m else [])
     parts: list[Mesh] = [*_wheels(rng, axles, width / 2.0 - 0.12 * scale, radius, 0.22 * scale), frame]
+    low, high = _cab(rng, cab_x, cab_length, width * float(rng.uniform(0.9, 1.02)), deck_z, scale, body)
+    parts += low
     if gap > 0.15 * scale:
         x, wide = deck_x + length / 2.0 + gap / 2.0, gap * 0.8
-        parts += gear(rng, x, width * 0.28, deck_z * 0.8, wide) + gear(rng, x, -width * 0.25, deck_z * 0.8, wide)
+        parts += gear(rng, x, width * 0.28, deck_z * 0.95, wide) + gear(rng, x, -width * 0.25, deck_z * 0.95, wide)
     parts += _deck(rng, length, width, deck_x, deck_z, floor, scale)
     parts += _tail_lamps(deck_x - length / 2.0, width, deck_z, scale)
     shift = float(rng.uniform(-0.5, 0.5)) * max(length - keep_m, 0.0)
-    parts += _cab(rng, cab_x, cab_length, width * float(rng.uniform(0.9, 1.02)), deck_z, scale, body)
-    return Body(tuple(parts), (deck_x + shift, 0.0, deck_z), floor)
+    return Body((*parts, *high), (deck_x + shift, 0.0, deck_z), floor)
 
 
 def trailer(rng: Generator, side_m: float, keep_m: float) -> Body:
     """Return a trailer with its drawbar in front; the pad lies on its bed, now and then between side boards."""
     scale = side_m / 1.1
     length, width = side_m * float(rng.uniform(1.02, 1.9)), side_m * float(rng.uniform(1.02, 1.3))
-    deck_z, radius = scale * float(rng.uniform(0.45, 0.7)), scale * float(rng.uniform(0.2, 0.3))
+    deck_z = scale * float(rng.uniform(0.45, 0.7))
+    radius = min(scale * float(rng.uniform(0.2, 0.3)), 0.49 * deck_z)
     floor, metal = _floor(rng), paint.plain(rng)
     axles = [0.0] if length < 1.5 * side_m else [radius * 1.1, -radius * 1.1]
     parts: list[Mesh] = [box((length * 0.95, width * 0.7, deck_z * 0.4), (0.0, 0.0, deck_z * 0.75), _BLACK)]
@@ -77,9 +79,9 @@ def rover6(rng: Generator, side_m: float, keep_m: float) -> Body:
     parts.append(slab(length * 0.86, width * 0.74, radius * 0.8, hull * 0.7, _BLACK, radius_m=0.06 * scale))
     parts.append(slab(length * 0.92, width * 0.8, hull * 0.7, hull, body, radius_m=0.08 * scale, inset_m=0.02 * scale))
     parts.append(_lamps(length * 0.47, width * 0.28, hull * 0.9, 0.08 * scale, _LAMP, ahead=True))
-    parts += _bumpers(rng, length, width, hull * 0.6, keep_m, scale, body)
+    parts += _bumpers(rng, length, width, hull * 0.6, deck_z, keep_m, scale, body)
     parts.append(slab(length, width, hull, deck_z, deck, radius_m=scale * float(rng.choice([0.01, 0.06]))))
-    parts += _mast(rng, length / 2.0, width, hull, keep_m, scale)
+    parts += _mast(rng, length / 2.0, width, deck_z, keep_m, scale)
     return Body(tuple(parts), (0.0, 0.0, deck_z), deck)
 
 
@@ -97,9 +99,9 @@ def tracked(rng: Generator, side_m: float, keep_m: float) -> Body:
     parts.append(
         box((length * 0.95, width * 0.8, deck_z - 0.1 * scale), (0.0, 0.0, (deck_z + 0.1 * scale) / 2.0), body)
     )
-    parts += _bumpers(rng, length, width * 0.7, high * 0.8, keep_m, scale, body)
+    parts += _bumpers(rng, length, width * 0.7, high * 0.8, deck_z, keep_m, scale, body)
     parts.append(slab(length, width, deck_z - 0.03 * scale, deck_z, deck, radius_m=0.03 * scale))
-    parts += _mast(rng, length / 2.0, width, high, keep_m, scale)
+    parts += _mast(rng, length / 2.0, width, deck_z, keep_m, scale)
     return Body(tuple(parts), (0.0, 0.0, deck_z), deck)
 
 
@@ -161,12 +163,14 @@ def _boards(length: float, width: float, z: float, high: float, albedo: Albedo) 
 
 def _cab(
     rng: Generator, x: float, length: float, width: float, deck_z: float, scale: float, body: Albedo
-) -> list[Mesh]:
-    """Return the driver's cab, mostly higher than the deck: bumper, lower half, windows, roof."""
-    foot, belt = deck_z * 0.45, deck_z + scale * float(rng.uniform(-0.1, 0.25))
+) -> tuple[list[Mesh], list[Mesh]]:
+    """Return the driver's cab up to the deck, which is painted before the deck, and above it, with windows and roof."""
+    foot, belt = deck_z * 0.45, deck_z + scale * float(rng.uniform(0.03, 0.3))
     top = belt + scale * float(rng.uniform(0.3, 0.7))
     front, back, half = x + length / 2.0, x - length / 2.0, width / 2.0
-    lower = slab(length, width, foot, belt, body, x_m=x, radius_m=0.15 * scale, inset_m=0.01 * scale, steps=2)
+    lower, middle = (
+        slab(length, width, a, b, body, x_m=x, radius_m=0.15 * scale) for a, b in ((foot, deck_z), (deck_z, belt))
+    )
     lean, tuck = scale * float(rng.uniform(0.05, 0.3)), 0.05 * scale
     profile = [(back + tuck, belt), (front - tuck, belt), (front - tuck - lean, top), (back + 1.5 * tuck, top)]
     house = wedge(profile, half - tuck, half - 2.0 * tuck, body)
@@ -191,7 +195,7 @@ def _cab(
     size = (0.06 * scale, 0.14 * scale, 0.2 * scale)
     mirrors = [box(size, (front - 0.1 * scale, s * (half + 0.06 * scale), belt), _BLACK) for s in (1.0, -1.0)]
     beacon = gear(rng, x, 0.0, top + 0.05 * scale, 0.16 * scale) if rng.random() < 0.4 else ()
-    return [lower, lamps, *mirrors, house, windows, roof, *beacon]
+    return [lower, lamps], [middle, *mirrors, house, windows, roof, *beacon]
 
 
 def _track(length: float, y: float, wide: float, high: float, rubber: Albedo) -> list[Mesh]:
@@ -216,33 +220,29 @@ def _track(length: float, y: float, wide: float, high: float, rubber: Albedo) ->
 
 
 def _bumpers(
-    rng: Generator, length: float, width: float, z: float, keep_m: float, scale: float, body: Albedo
+    rng: Generator, length: float, width: float, z: float, deck_m: float, keep_m: float, scale: float, body: Albedo
 ) -> list[Mesh]:
     """Return bars across front and back, and now and then gear on the front one."""
     reach = length / 2.0 + scale * float(rng.uniform(0.03, 0.15))
     parts: list[Mesh] = [
         bar((s * reach, -width * 0.4, z), (s * reach, width * 0.4, z), 0.05 * scale, body) for s in (1.0, -1.0)
     ]
-    if rng.random() < 0.5:
-        size = scale * float(rng.uniform(0.12, 0.25))
-        parts += gear(
-            rng,
-            max(reach, (keep_m + size) / 2.0 + 0.01 * scale),
-            width * float(rng.uniform(-0.3, 0.3)),
-            z + 0.03 * scale,
-            size,
-        )
+    # gear ends below the deck, so that the deck can be painted over it
+    size = min(scale * float(rng.uniform(0.12, 0.25)), 0.85 * (deck_m - z))
+    if size > 0.06 * scale and rng.random() < 0.5:
+        x = max(reach, (keep_m + size) / 2.0 + 0.01 * scale)
+        parts += gear(rng, x, width * float(rng.uniform(-0.3, 0.3)), z + 0.03 * scale, size)
     return parts
 
 
-def _mast(rng: Generator, nose_m: float, width_m: float, z_m: float, keep_m: float, scale: float) -> Thing:
-    """Return what stands up before the deck: a mast with a camera, antennas at the corners, or nothing."""
+def _mast(rng: Generator, nose_m: float, width_m: float, deck_m: float, keep_m: float, scale: float) -> Thing:
+    """Return what stands up beside the deck: a mast with a camera before it, an antenna behind it, or nothing."""
     x = max(nose_m, keep_m / 2.0) + 0.08 * scale
     parts: Thing = ()
     if rng.random() < 0.45:
-        y, top = width_m * float(rng.uniform(-0.3, 0.3)), z_m + scale * float(rng.uniform(0.3, 0.8))
+        y, top = width_m * float(rng.uniform(-0.3, 0.3)), deck_m + scale * float(rng.uniform(0.3, 0.8))
         head = box((0.12 * scale, 0.2 * scale, 0.1 * scale), (x, y, top), paint.plain(rng))
-        parts += (bar((x, y, z_m * 0.6), (x, y, top), 0.05 * scale, _BLACK), head)
+        parts += (bar((x, y, deck_m), (x, y, top), 0.05 * scale, _BLACK), head)
     if rng.random() < 0.5:
-        parts += antenna(rng, -x, width_m * float(rng.uniform(-0.4, 0.4)), z_m, scale)
+        parts += antenna(rng, -x, width_m * float(rng.uniform(-0.4, 0.4)), deck_m, scale)
     return parts

@@ -9,7 +9,7 @@ from numpy.random import Generator
 from landtool.synth.mesh import Mesh, Thing
 from landtool.synth.things import CARRIERS, PROPS, above_pad, drone, pole_shade, tree_shade
 
-SEEDS = range(6)
+SEEDS = range(5)
 MAKERS: dict[str, Callable[[Generator], Thing]] = {
     **{f"carrier-{kind}": (lambda rng, make=make: make(rng, 1.1).thing) for kind, make in CARRIERS.items()},
     **PROPS,
@@ -86,7 +86,7 @@ def test_props_stand_on_the_ground(kind: str) -> None:
 def test_carriers_stand_on_the_ground_and_leave_the_pad_free(kind: str, side_m: float) -> None:
     grid = np.linspace(-0.499, 0.499, 9) * side_m
     spots = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
-    for seed in range(24):
+    for seed in range(16):
         carrier = CARRIERS[kind](np.random.default_rng(seed), side_m)
         lowest = min(float(mesh.points_m[:, 2].min()) for mesh in carrier.thing)
         assert lowest == pytest.approx(-carrier.pad_height_m, abs=1e-9)
@@ -99,7 +99,7 @@ def test_carriers_stand_on_the_ground_and_leave_the_pad_free(kind: str, side_m: 
 def test_carriers_hold_most_of_the_pad_on_a_top_of_the_albedo_they_tell(kind: str) -> None:
     grid = np.linspace(-0.45, 0.45, 9) * 1.1
     spots = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
-    for seed in range(24):
+    for seed in range(16):
         carrier = CARRIERS[kind](np.random.default_rng(seed), 1.1)
         under = np.zeros(len(spots), bool)
         for mesh in carrier.thing:
