@@ -44,7 +44,7 @@ def grass(rng: np.random.Generator, look: int) -> Painting:
     picture = canvas.astype(np.float32) / 255.0
     clumps = 0.08 * value_noise(TEXELS, 32, 0.9, rng)
     picture *= (1.0 + clumps)[:, :, None]
-    dry = patches(rng, rng.uniform(0.10, 0.16), (1.55, 1.12, 0.95), rng.uniform(0.2, 1.0), first=32)
+    dry = patches(rng, rng.uniform(0.10, 0.16), (1.32, 1.14, 0.98), rng.uniform(0.2, 1.0), first=32)
     return Painting(leveled(picture, 8), rng.uniform(2.0, 3.2), dry, 0.10)
 
 
