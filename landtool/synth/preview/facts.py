@@ -102,12 +102,8 @@ def _centres(table: ReadTable, width: int, height: int) -> Array:
     """Return the pixels (N, 2) of the pads' centres."""
     lenses = np.column_stack([table.floats(name) for name in _CAMERA])
     places = np.column_stack([table.floats(name) for name in _PAD])
-    return np.concatenate(
-        [
-            Camera(width, height, *lens[:4], distortion=tuple(lens[4:])).project(place)
-            for lens, place in zip(lenses, places, strict=True)
-        ]
-    )
+    cameras = [Camera(width, height, fx, fy, cx, cy, distortion=tuple(k)) for fx, fy, cx, cy, *k in lenses.tolist()]
+    return np.concatenate([camera.project(place) for camera, place in zip(cameras, places, strict=True)])
 
 
 def measure_brightness(dataset: Path, facts: Facts) -> Array:
