@@ -21,7 +21,7 @@ from typing import Any, Literal
 import click
 
 from landtool import config
-from landtool.config import TrackConfig
+from landtool.config import GenerateConfig, TrackConfig
 from landtool.families import tag_family
 from landtool.io.mcap_decoders import VIDEO_CODECS
 from landtool.io.mcap_messages import CALIBRATION_PARSERS, IMAGE_PARSERS
@@ -77,6 +77,10 @@ def command_reference() -> str:
 
 def _command(name: str, command: click.Command | None) -> str:
     assert command is not None
+    if isinstance(command, click.Group):
+        inner = [_command(f"{name} {key}", item) for key, item in command.commands.items()]
+        usage = f"`landtool {name} COMMAND`"
+        return "\n\n".join([f"## landtool {name}", usage, inspect.cleandoc(command.help or ""), *inner])
     options = [p for p in command.params if isinstance(p, click.Option) and p.name not in _COMMON]
     arguments = [p.make_metavar(click.Context(command)) for p in command.params if isinstance(p, click.Argument)]
     usage = " ".join(["landtool", name, *arguments, *(["[OPTIONS]"] if options else [])])
@@ -140,6 +144,19 @@ def settings_reference() -> str:
     return "\n\n".join(parts)
 
 
+def generate_settings() -> str:
+    """Describe the keys of a settings file for `landtool generate images`, without those of its domain."""
+    group = cli.get_command(click.Context(cli), "generate")
+    assert isinstance(group, click.Group)
+    options = {p.name or "": p.opts[0] for p in group.commands["images"].params if isinstance(p, click.Option)}
+    return _settings_table(GenerateConfig(), "", options)
+
+
+def domain_settings() -> str:
+    """Describe what generated pictures vary in."""
+    return _settings_table(GenerateConfig().domain, "", {})
+
+
 def _settings_table(defaults: Any, where: str, options: dict[str, str]) -> str:
     kind = type(defaults)
     hints, said = typing.get_type_hints(kind), field_comments(kind)
@@ -178,6 +195,12 @@ def _type_text(name: str, hint: Any) -> str:
     kind = next((k for k in typing.get_args(hint) if k is not type(None)), hint) if _is_optional(hint) else hint
     if typing.get_origin(kind) is Literal:
         return " or ".join(f'`"{v}"`' for v in typing.get_args(kind))
+    if typing.get_origin(kind) is tuple and typing.get_args(kind)[0] is not str:
+        return (
+            "two numbers" if len(typing.get_args(kind)) == 2 and ... not in typing.get_args(kind) else "list of numbers"
+        )
+    if typing.get_origin(kind) is tuple and name != "save":
+        return "list of texts"
     if typing.get_origin(kind) is tuple:
         return "list of " + ", ".join(f'`"{v}"`' for v in config.SAVES)
     low, high = _BOUNDS.get(name, (None, None))
@@ -303,6 +326,8 @@ PARTS: dict[str, Callable[[], str]] = {
     "commands": command_reference,
     "common options": common_options,
     "settings": settings_reference,
+    "generate settings": generate_settings,
+    "domain": domain_settings,
     "modules": module_tree,
     "import order": import_order,
     "pad": pad_table,

@@ -13,12 +13,14 @@ import cv2
 import numpy as np
 import pytest
 
-from landtool.config import TrackConfig
+from landtool.config import GenerateConfig, TrackConfig
 from landtool.inspect.facts import Facts
 from landtool.io.poses import CSV_COLUMNS, STRAIGHT_DOWN, read_mount
 from landtool.io.run_record import Counts, RunRecord, StageTime
 from landtool.io.tables import TABLES
 from landtool.pad import Board, Letter, PadSpec, PadTag, QuietZone, Ring
+from landtool.synth.dataset import TRUTH_COLUMNS
+from landtool.synth.domain import Domain
 from tests.docs.conftest import DOCS, PAGES
 from tests.shared import ROOT
 
@@ -89,7 +91,7 @@ def test_generated_parts_are_fresh(make_docs: ModuleType) -> None:
 
 
 def test_every_setting_is_explained(make_docs: ModuleType) -> None:
-    for kind in (TrackConfig, type(TrackConfig().tags), type(TrackConfig().tracker)):
+    for kind in (TrackConfig, type(TrackConfig().tags), type(TrackConfig().tracker), GenerateConfig, Domain):
         said = make_docs.field_comments(kind)
         unsaid = [f.name for f in fields(kind) if not said.get(f.name)]
         assert not unsaid, f"{kind.__name__} has no comment above {', '.join(unsaid)}"
@@ -106,6 +108,13 @@ def test_every_column_is_explained(name: str) -> None:
         assert meaning, column
         for ending, wanted in (("_px", "px"), ("_m", "m"), ("_ns", "ns"), ("_mps", "m/s"), ("_m2", "m^2")):
             assert unit == wanted or not column.endswith(ending), column
+
+
+def test_every_column_of_the_truth_is_explained() -> None:
+    text = (DOCS / "generate.md").read_text(encoding="utf-8").split("### truth.csv")[1].split("\n#")[0]
+    named = [name for row in rows(text) for name in row[0].split(", ")]
+    assert named == list(TRUTH_COLUMNS)
+    assert all(row[2] for row in rows(text))
 
 
 def test_every_key_of_run_json_is_explained() -> None:
