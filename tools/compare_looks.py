@@ -188,9 +188,8 @@ def _edge_width(_: Image, grey: Grey) -> float:
     square = np.ones((9, 9), np.uint8)
     height = cv2.dilate(grey, square) - cv2.erode(grey, square)
     # the steepest place across an edge, or its flanks would count as an unsharp edge
-    strong = (
-        (slope >= np.percentile(slope, 99)) & (slope >= cv2.dilate(slope, np.ones((3, 3), np.uint8))) & (height > 20)
-    )
+    top = (slope > 0) & (slope >= cv2.dilate(slope, np.ones((3, 3), np.uint8)))
+    strong = top & (slope >= np.percentile(slope, 99)) & (height > 20)
     return float(np.median(height[strong] / slope[strong])) if strong.any() else math.nan
 
 
