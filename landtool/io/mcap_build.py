@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, Literal, NamedTuple, Protocol
 
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Odometry_pb2 import Odometry
 from foxglove_schemas_protobuf.Pose_pb2 import Pose as ProtoPose
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
@@ -24,7 +28,10 @@ from landtool.types import Image
 McapSchema = Literal["ros2", "foxglove"]
 _FOXGLOVE: dict[str, Any] = {
     kind.DESCRIPTOR.full_name: kind
-    for kind in (RawImage, CompressedImage, CompressedVideo, CameraCalibration, PoseInFrame)
+    for kind in (
+        *(RawImage, CompressedImage, CompressedVideo, CameraCalibration),
+        *(PoseInFrame, FrameTransforms, Odometry),
+    )
 }
 
 
@@ -33,6 +40,30 @@ class Built(NamedTuple):
 
     type: str
     data: bytes
+
+
+class Transform(NamedTuple):
+    """`parent_T_child` between two frames by their ids."""
+
+    parent: str
+    child: str
+    pose: Pose
+
+
+class Motion(NamedTuple):
+    """An odometry: the pose of a body and how it moves.
+
+    frame_id: of the world, child_frame_id: of the body. twist: (6,) velocity in m/s along the body's axes, turning in
+    rad/s about them. pose_variances: (6,) of x y z in m2 and of turns about the world's axes in rad2; twist_variances:
+    (6,) of the twist.
+    """
+
+    frame_id: str
+    child_frame_id: str
+    pose: Pose
+    twist: Sequence[float]
+    pose_variances: Sequence[float]
+    twist_variances: Sequence[float]
 
 
 class Dialect(Protocol):
@@ -61,6 +92,14 @@ class Dialect(Protocol):
 
     def pose(self, stamp_ns: int, frame_id: str, pose: Pose) -> Built:
         """Build a message of a pose in a frame."""
+        ...
+
+    def odometry(self, stamp_ns: int, motion: Motion) -> Built:
+        """Build an odometry message."""
+        ...
+
+    def transforms(self, stamp_ns: int, transforms: Sequence[Transform]) -> Built:
+        """Build a message of several transforms at one time."""
         ...
 
 
@@ -97,9 +136,22 @@ class Ros2Dialect:
 
     def pose(self, stamp_ns: int, frame_id: str, pose: Pose) -> Built:
         """Build a PoseStamped."""
-        w, x, y, z = pose.quaternion_wxyz.tolist()
-        cdr = CdrWriter().stamp_ns(stamp_ns).string(frame_id).float64s((*pose.translation.tolist(), x, y, z, w))
+        cdr = CdrWriter().stamp_ns(stamp_ns).string(frame_id).float64s(_xyz_xyzw(pose))
         return Built("geometry_msgs/msg/PoseStamped", cdr.finish())
+
+    def odometry(self, stamp_ns: int, motion: Motion) -> Built:
+        """Build a nav_msgs/Odometry."""
+        cdr = CdrWriter().stamp_ns(stamp_ns).string(motion.frame_id).string(motion.child_frame_id)
+        cdr.float64s(_xyz_xyzw(motion.pose)).float64s(_diagonal(motion.pose_variances))
+        cdr.float64s(motion.twist).float64s(_diagonal(motion.twist_variances))
+        return Built("nav_msgs/msg/Odometry", cdr.finish())
+
+    def transforms(self, stamp_ns: int, transforms: Sequence[Transform]) -> Built:
+        """Build a TFMessage."""
+        cdr = CdrWriter().uint32(len(transforms))
+        for parent, child, pose in transforms:
+            cdr.stamp_ns(stamp_ns).string(parent).string(child).float64s(_xyz_xyzw(pose))
+        return Built("tf2_msgs/msg/TFMessage", cdr.finish())
 
 
 class FoxgloveDialect:
@@ -140,10 +192,36 @@ class FoxgloveDialect:
 
     def pose(self, stamp_ns: int, frame_id: str, pose: Pose) -> Built:
         """Build a PoseInFrame."""
-        x, y, z = pose.translation.tolist()
-        qw, qx, qy, qz = pose.quaternion_wxyz.tolist()
-        where = ProtoPose(position=Vector3(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+        place, turn = _proto_parts(pose)
+        where = ProtoPose(position=place, orientation=turn)
         return _built(PoseInFrame(timestamp=_stamp(stamp_ns), frame_id=frame_id, pose=where))
+
+    def odometry(self, stamp_ns: int, motion: Motion) -> Built:
+        """Build an Odometry."""
+        place, turn = _proto_parts(motion.pose)
+        vx, vy, vz, wx, wy, wz = motion.twist
+        message = Odometry(
+            timestamp=_stamp(stamp_ns),
+            frame_id=motion.frame_id,
+            body_frame_id=motion.child_frame_id,
+            pose=ProtoPose(position=place, orientation=turn),
+            linear_velocity=Vector3(x=vx, y=vy, z=vz),
+            angular_velocity=Vector3(x=wx, y=wy, z=wz),
+            pose_covariance=_diagonal(motion.pose_variances),
+            velocity_covariance=_diagonal(motion.twist_variances),
+        )
+        return _built(message)
+
+    def transforms(self, stamp_ns: int, transforms: Sequence[Transform]) -> Built:
+        """Build a FrameTransforms."""
+        message = FrameTransforms()
+        for parent, child, pose in transforms:
+            place, turn = _proto_parts(pose)
+            one = FrameTransform(timestamp=_stamp(stamp_ns), parent_frame_id=parent, child_frame_id=child)
+            one.translation.CopyFrom(place)
+            one.rotation.CopyFrom(turn)
+            message.transforms.append(one)
+        return _built(message)
 
 
 DIALECTS: dict[McapSchema, type[Dialect]] = {"ros2": Ros2Dialect, "foxglove": FoxgloveDialect}
@@ -157,6 +235,23 @@ def _k(camera: Camera) -> tuple[float, ...]:
 def _p(camera: Camera) -> tuple[float, ...]:
     """Return the projection of rectified pictures (3, 4) by rows: the same intrinsics, nothing to shift."""
     return (camera.fx, 0.0, camera.cx, 0.0, 0.0, camera.fy, camera.cy, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+def _xyz_xyzw(pose: Pose) -> tuple[float, ...]:
+    """Return a pose as ROS orders it: the place, then the quaternion, w last."""
+    w, x, y, z = pose.quaternion_wxyz.tolist()
+    return (*pose.translation.tolist(), x, y, z, w)
+
+
+def _proto_parts(pose: Pose) -> tuple[Any, Any]:
+    """Return a pose's place and turn as protobuf has them."""
+    x, y, z, qx, qy, qz, qw = _xyz_xyzw(pose)
+    return Vector3(x=x, y=y, z=z), Quaternion(x=qx, y=qy, z=qz, w=qw)
+
+
+def _diagonal(variances: Sequence[float]) -> list[float]:
+    """Return a covariance (6, 6) by rows."""
+    return [float(variances[row]) if row == column else 0.0 for row in range(6) for column in range(6)]
 
 
 def _stamp(stamp_ns: int) -> Timestamp:

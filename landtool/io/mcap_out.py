@@ -1,8 +1,8 @@
-"""MCAP logs of pictures, written as a ROS 2 recorder or Foxglove's SDK would."""
+"""MCAP logs of pictures and motions, written as a ROS 2 recorder or Foxglove's SDK would."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -20,7 +20,7 @@ from landtool import __version__
 from landtool.camera import Camera
 from landtool.errors import OutputError, UsageError
 from landtool.geometry import Pose
-from landtool.io.mcap_build import DIALECTS, Built, McapSchema
+from landtool.io.mcap_build import DIALECTS, Built, McapSchema, Motion, Transform
 from landtool.types import Frame, Image
 
 McapEncoding = Literal["raw", "jpeg", "png", "h264"]
@@ -88,6 +88,16 @@ class McapImageWriter:
         """Add a pose (PoseStamped or PoseInFrame) in the frame `frame_id`. Give poses and pictures by time."""
         stamp_ns = self._checked(t_ns)
         self._add(topic, stamp_ns, self._dialect.pose(stamp_ns, frame_id, world_T_body))
+
+    def write_odometry(self, topic: str, t_ns: int, motion: Motion) -> None:
+        """Add an odometry (nav_msgs/Odometry or foxglove.Odometry)."""
+        stamp_ns = self._checked(t_ns)
+        self._add(topic, stamp_ns, self._dialect.odometry(stamp_ns, motion))
+
+    def write_transforms(self, topic: str, t_ns: int, transforms: Sequence[Transform]) -> None:
+        """Add transforms between frames at one time (TFMessage or FrameTransforms)."""
+        stamp_ns = self._checked(t_ns)
+        self._add(topic, stamp_ns, self._dialect.transforms(stamp_ns, transforms))
 
     def close(self) -> None:
         """Write the index and close the file; may be called again."""
