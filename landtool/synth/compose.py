@@ -8,13 +8,14 @@ from itertools import chain
 import numpy as np
 from numpy.typing import NDArray
 
+from landtool.geometry import Array
 from landtool.synth import shadow
 from landtool.synth.decals import Window, decal_light
 from landtool.synth.floor import Floor, render_floor
 from landtool.synth.mesh import Mesh
 from landtool.synth.print_layer import PrintLayer, print_layer
 from landtool.synth.raster import Raster, paint
-from landtool.synth.scene import Scene, Target
+from landtool.synth.scene import Scene, Sun, Target
 from landtool.synth.sheet import glare
 from landtool.synth.surfaces import PRINT, Surfaces, surfaces_of
 from landtool.synth.view import Map, View
@@ -49,7 +50,7 @@ def render(scene: Scene, view: View) -> Rendered:
     bodies = _bodies(scene)
     floor = render_floor(scene, view, bodies)
     surfaces = surfaces_of(scene, view)
-    raster = paint(view, surfaces.polygons)
+    raster = paint(view, surfaces.faces)
     layers: Layers = {}
     for id, decal in surfaces.decals.items():
         layer = decal_light(view, decal, scene.sun, floor)
@@ -80,9 +81,21 @@ def _bodies(scene: Scene) -> list[Mesh]:
 def _lit_on_pad(scene: Scene, view: View, target: Target, bodies: list[Mesh]) -> Map:
     """Return the share of sunlight (H, W) that reaches the level of the pad."""
     place = target.world_T_pad.translation
-    above = [m for m in bodies if m.points_m[:, 2].max() > place[2] + 0.005]
+    reach = max([target.pad.extent_m, *(float(np.abs(m.points_m[:, :2]).max()) for m in target.carrier)])
+    above = [m for m in bodies if _shades(m, scene.sun, place, reach)]
     depth = float(view.in_camera(place[None])[0, 2])
     return shadow.lit(view, scene.sun, above, float(place[2]), max(depth, 0.1))
+
+
+def _shades(mesh: Mesh, sun: Sun, place_m: Array, reach_m: float) -> bool:
+    """Whether a body may throw its shadow within reach of a place (3,) on a level plane."""
+    low, high = mesh.points_m.min(axis=0), mesh.points_m.max(axis=0)
+    above = float(high[2] - place_m[2])
+    if above < 0.005:
+        return False
+    fall = above * np.array(sun.direction[:2]) / max(sun.direction[2], 0.05)
+    first, last = np.minimum(low[:2], low[:2] - fall), np.maximum(high[:2], high[:2] - fall)
+    return bool((first < place_m[:2] + reach_m).all() and (last > place_m[:2] - reach_m).all())
 
 
 def _print_light(scene: Scene, view: View, target: Target, sheet: PrintLayer, lit: Map) -> Linear:

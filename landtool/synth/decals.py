@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from landtool import tone
 from landtool.synth.floor import Floor
-from landtool.synth.raster import Polygon, on_picture
+from landtool.synth.raster import Faces, on_picture
 from landtool.synth.scene import Decal, Sun
 from landtool.synth.surfaces import ON_GROUND_M
 from landtool.synth.view import View
@@ -25,7 +25,7 @@ def decal_light(view: View, decal: Decal, sun: Sun, floor: Floor) -> tuple[Windo
     square = decal.world_T_plane.apply(
         np.array([[half, half, 0.0], [-half, half, 0.0], [-half, -half, 0.0], [half, -half, 0.0]])
     )
-    pixels = on_picture(view, [Polygon(square, 1)])[0]
+    pixels = on_picture(view, Faces.of([square]))[0]
     if pixels is None:
         return None
     low, high = np.floor(pixels.min(axis=0)).astype(int) - 1, np.ceil(pixels.max(axis=0)).astype(int) + 2

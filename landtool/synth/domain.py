@@ -45,8 +45,10 @@ class Domain:
     small_print_scale: Range = (3.0, 7.0)
     # grounds that are photographs, of pictures made with any
     photographs: float = 0.35
+    # contrast of the ground's texture, 1 as it was made
+    relief: Range = (0.9, 2.2)
     # other things in the picture, bodies on the mean
-    things: float = 3.0
+    things: float = 4.5
     # something on or over the pad that hides a part of it
     occlusion: float = 0.12
     # state of the print: 0 is new
@@ -56,7 +58,7 @@ class Domain:
     # light: overcast skies, the sun's height, and how bright a white level surface is in the picture (1 saturates)
     overcast: float = 0.3
     sun_elevation_deg: Range = (4.0, 75.0)
-    light: Range = (0.12, 1.8)
+    light: Range = (0.2, 2.4)
     vignette: Range = (0.0, 0.35)
     white_balance: float = 0.12
     # shadows of trees and poles that fall across the pad, and of the drone
@@ -73,13 +75,15 @@ class Domain:
     motion_blur_px: Range = (0.5, 8.0)
     rolling_shutter: float = 0.25
     # noise of a white pixel and of a black one, standard deviations of linear light
-    shot_noise: Range = (0.002, 0.03)
-    read_noise: Range = (0.0003, 0.004)
+    shot_noise: Range = (0.003, 0.04)
+    read_noise: Range = (0.0003, 0.006)
     bayer: float = 0.7
+    # pictures whose tone curve strays from sRGB's, in exponent, contrast and saturation
+    tone: float = 0.8
     # pictures enlarged from a smaller one, and how much smaller that was
     rescaled: float = 0.12
     rescale: Range = (0.45, 0.9)
-    sharpen: Range = (0.0, 0.7)
+    sharpen: Range = (0.0, 1.0)
     jpeg_quality: Range = (45.0, 96.0)
 
     def __post_init__(self) -> None:
@@ -109,6 +113,7 @@ _BOUNDS: dict[str, Range] = {
     "small_print_scale": (1.0, 20.0),
     "dirt": (0.0, 1.0),
     "sun_elevation_deg": (1.0, 90.0),
+    "relief": (0.1, 5.0),
     "light": (0.01, 10.0),
     "vignette": (0.0, 0.9),
     "visibility_m": (1.0, 1e5),

@@ -10,7 +10,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from landtool.camera import Camera
 from landtool.errors import OutputError
 from landtool.geometry import Array, Pose, rotation_from_rotvec
 from landtool.pad import PadSpec
@@ -22,12 +21,12 @@ from landtool.synth.sample import Sample, Truth
 from landtool.synth.scene import Scene, Sun, Target
 from landtool.synth.sensor import Sensor
 from landtool.synth.sheet import random_sheet
-from landtool.synth.surroundings import Lot, Surroundings, furnish, random_ground
+from landtool.synth.surroundings import Lot, furnish, random_ground
 from landtool.synth.things import CARRIERS, above_pad, drone, pole_shade, tree_shade
 from landtool.synth.truth import box_of_rim, rim_m, visible_of_rim
 from landtool.synth.view import View
 from landtool.synth.viewpoint import Viewpoint, random_camera, random_viewpoint, size_px
-from landtool.synth.weather import Weather, random_fog, random_weather
+from landtool.synth.weather import random_fog, random_weather
 
 _VEHICLES = ("sedan", "suv", "van", "pickup", "flatbed", "trailer", "rover6", "tracked")
 _FASTEST_MPS, _FASTEST_RADPS = 4.0, 0.6
@@ -46,11 +45,8 @@ def make_sample(
     done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
         raise OutputError(f"picture {index} cannot be encoded as JPEG")
-    decoded = cv2.imdecode(data, cv2.IMREAD_COLOR)
     truth = _truth(scene, viewpoint, view, rendered, names)
-    return Sample(
-        np.asarray(decoded, np.uint8), data.tobytes(), replace(truth, applied=_applied(view, sensor, quality))
-    )
+    return Sample(data.tobytes(), replace(truth, applied=_applied(view, sensor, quality)))
 
 
 def light_of(scene: Scene, view: View) -> tuple[np.ndarray, Rendered]:
@@ -101,6 +97,7 @@ def draw_scene(
         _shades(domain, view, world_T_pad, weather.sun, scale, rng),
         random_fog(domain, weather, rng),
         (float(rng.uniform(0.0, 500.0)), float(rng.uniform(0.0, 500.0))),
+        uniform(rng, domain.relief),
     )
     view = _moving(domain, view, pad_height, rng)
     names = {
@@ -115,17 +112,21 @@ def draw_scene(
 def random_sensor(domain: Domain, rng: np.random.Generator) -> Sensor:
     """Return a camera's blur, noise and tone; the light of the scene is its exposure already."""
     gains = np.exp(rng.uniform(-domain.white_balance, domain.white_balance, 3))
+    saturation, contrast = float(rng.uniform(0.75, 1.25)), float(rng.uniform(-0.1, 0.35))
+    gamma = float(np.exp(rng.normal(0.0, 0.08)))
+    if not chance(rng, domain.tone):
+        saturation, gamma, contrast = 1.0, 1.0, 0.0
     return Sensor(
         white_balance=(float(gains[0]), 1.0, float(gains[2])),
         vignette=uniform(rng, domain.vignette),
-        psf_sigma_px=float(rng.uniform(0.35, 0.75)),
+        psf_sigma_px=float(rng.uniform(0.2, 0.6)),
         defocus_radius_px=uniform(rng, domain.defocus_px) if chance(rng, domain.defocus) else 0.0,
         shot_variance=uniform(rng, domain.shot_noise) ** 2,
         read_variance=uniform(rng, domain.read_noise) ** 2,
         bayer=chance(rng, domain.bayer),
-        saturation=float(rng.uniform(0.75, 1.25)),
-        gamma=float(np.exp(rng.normal(0.0, 0.08))),
-        contrast=float(rng.uniform(-0.1, 0.35)),
+        saturation=saturation,
+        gamma=gamma,
+        contrast=contrast,
         sharpen=uniform(rng, domain.sharpen),
         rescale=uniform(rng, domain.rescale) if chance(rng, domain.rescaled) else 1.0,
     )

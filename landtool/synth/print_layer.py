@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from landtool.geometry import Array, Pose
+from landtool.geometry import Array
 from landtool.synth.scene import Target
 from landtool.synth.sheet import Sheet
 from landtool.synth.texture import InkTexture, ink_texture
@@ -94,7 +94,7 @@ def place_on_print(view: View, target: Target, box: Box) -> tuple[Map, Map, Map]
 
 def _origin(view: View, target: Target, first_row: int, end_row: int) -> tuple[Map, Map, Map]:
     """Return the camera's place (h, 1) in the pad frame when each row is exposed."""
-    t = view.row_time_s(np.arange(first_row, end_row))[:, None]
+    t = view.row_time_s(np.arange(first_row, end_row, dtype=np.float64))[:, None]
     moved = t * (view.velocity_mps - np.array(target.velocity_mps))
     world = view.world_T_camera.translation - target.world_T_pad.translation + moved
     inside = (world @ target.world_T_pad.rotation).astype(np.float32)
@@ -130,8 +130,8 @@ def _shares(inks: InkTexture, x_m: Map, y_m: Map) -> NDArray[np.uint8]:
         (n / 2.0 - v * np.float32(1.0 / inks.texel_m)) / np.float32(texel) - np.float32(0.5) for v in (y_m, x_m)
     )
     size = (width * k, height * k)
-    maps = [_between_pixels(np.clip(m, -1000, 4000), size) for m in (column, row)]
-    sampled = cv2.remap(inks.levels[level], *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    fine_column, fine_row = (_between_pixels(np.clip(m, -1000, 4000), size) for m in (column, row))
+    sampled = cv2.remap(inks.levels[level], fine_column, fine_row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
     return np.asarray(cv2.resize(sampled, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 

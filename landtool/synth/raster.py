@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -11,25 +11,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landtool.geometry import Array
+from landtool.synth.truth import kept_half
 from landtool.synth.view import View
 
 Ids = NDArray[np.uint16]
 SAMPLES = 3  # a side of a pixel
 _SHIFT = 6  # fractional bits of the painter's coordinates
 _NEAR_M = 0.02
-# how far beyond the picture's edge polygons are kept, as a share of the largest ray
-_MARGIN = 1.15
+# how far beyond the picture's edge polygons are kept, as a share of the largest ray: not far where a lens bends,
+# for its model holds only there
+_MARGIN, _MARGIN_BENT = 5.0, 1.15
 # an edge longer than this on the picture is bent by the lens
 _STRAIGHT_PX = 64.0
 
 
 @dataclass(frozen=True, eq=False)
-class Polygon:
-    """A flat face (N, 3) in the world that moves with `velocity_mps` (3,), to be painted as surface `id`."""
+class Faces:
+    """F flat faces in the world. points_m: (P, 3) their corners, one face after the other. counts: (F,) corners each.
+
+    ids: (F,) the surface each is painted as. velocity_mps: (F, 3) of each in the world.
+    """
 
     points_m: Array
-    id: int
-    velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    counts: NDArray[np.intp]
+    ids: NDArray[np.intp]
+    velocity_mps: Array
+
+    @classmethod
+    def of(cls, polygons_m: Sequence[Array], id: int = 1) -> Faces:
+        """Return polygons (N, 3) at rest, all of one surface."""
+        counts = np.array([len(polygon) for polygon in polygons_m], np.intp)
+        points = np.concatenate([np.zeros((0, 3)), *polygons_m])
+        return cls(points, counts, np.full(len(counts), id), np.zeros((len(counts), 3)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Faces]) -> Faces:
+        """Return the faces of all parts, in their order."""
+        return cls(
+            np.concatenate([np.zeros((0, 3)), *(part.points_m for part in parts)]),
+            np.concatenate([np.zeros(0, np.intp), *(part.counts for part in parts)]),
+            np.concatenate([np.zeros(0, np.intp), *(part.ids for part in parts)]),
+            np.concatenate([np.zeros((0, 3)), *(part.velocity_mps for part in parts)]),
+        )
+
+    @property
+    def starts(self) -> NDArray[np.intp]:
+        """The place (F,) of each face's first corner among the points."""
+        starts: NDArray[np.intp] = np.cumsum(self.counts) - self.counts
+        return starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +85,12 @@ class Raster:
     @cached_property
     def mixed_ids(self) -> Ids:
         """The surfaces (M, SAMPLES^2) of the mixed pixels."""
-        height, width = self.centre.shape
+        width = self.centre.shape[1]
         row, column = np.divmod(self.mixed, width)
         first = row * (SAMPLES * SAMPLES * width) + column * SAMPLES
         steps = np.add.outer(np.arange(SAMPLES) * (SAMPLES * width), np.arange(SAMPLES)).ravel()
-        return np.take(self.ids.ravel(), first[:, None] + steps)
+        ids: Ids = np.take(self.ids.ravel(), first[:, None] + steps)
+        return ids
 
     def coverage(self, low: int, high: int | None = None) -> NDArray[np.float32]:
         """Return the share (H, W) of each pixel that sees surface `low`, or one of low to high inclusive."""
@@ -71,25 +101,15 @@ class Raster:
         return share
 
 
-def paint(view: View, polygons: Sequence[Polygon]) -> Raster:
-    """Paint polygons in their order."""
+def paint(view: View, faces: Faces) -> Raster:
+    """Paint faces in their order."""
     camera = view.camera
     ids = np.zeros((SAMPLES * camera.height, SAMPLES * camera.width), np.uint16)
-    for polygon, pixels in zip(polygons, on_picture(view, polygons), strict=True):
-        if pixels is not None:
-            cv2.fillPoly(ids, [fixed_point(pixels, SAMPLES)], polygon.id, cv2.LINE_8, _SHIFT)
+    seen = [(id, p) for id, p in zip(faces.ids.tolist(), on_picture(view, faces), strict=True) if p is not None]
+    fixed = fixed_points([outline for _, outline in seen], SAMPLES)
+    for (id, _), outline in zip(seen, fixed, strict=True):
+        cv2.fillPoly(ids, [outline], id, cv2.LINE_8, _SHIFT)
     return Raster(ids)
-
-
-def coverage(view: View, polygons: Sequence[Polygon], samples: int = SAMPLES) -> NDArray[np.uint8]:
-    """Return how much of each pixel (H, W) the union of polygons covers, 255 for all; their ids do not matter."""
-    camera = view.camera
-    mask = np.zeros((camera.height, camera.width), np.uint8)
-    outlines = [p for p in on_picture(view, polygons) if p is not None]
-    window = window_of(view, outlines, 0.0)
-    if window is not None:
-        mask[window] = filled(outlines, window, samples)
-    return mask
 
 
 Window = tuple[slice, slice]
@@ -111,60 +131,81 @@ def filled(outlines: Sequence[Array], window: Window, samples: int) -> NDArray[n
     rows, columns = window
     height, width = rows.stop - rows.start, columns.stop - columns.start
     mask = np.zeros((samples * height, samples * width), np.uint8)
-    first = np.array([columns.start, rows.start])
-    for outline in outlines:
-        cv2.fillPoly(mask, [fixed_point(outline - first, samples)], 255, cv2.LINE_8, _SHIFT)
+    for outline in fixed_points(outlines, samples, (columns.start, rows.start)):
+        cv2.fillPoly(mask, [outline], 255, cv2.LINE_8, _SHIFT)
     if samples == 1:
         return mask
     return np.asarray(cv2.resize(mask, (width, height), interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 
-def fixed_point(pixels: Array, samples: int) -> NDArray[np.int32]:
-    """Return pixel coordinates (N, 2) as OpenCV's painter wants them on a picture `samples` times as large."""
-    enlarged = (pixels + 0.5) * samples - 0.5
-    return np.rint(np.clip(enlarged, -30000.0, 30000.0) * (1 << _SHIFT)).astype(np.int32)
+def fixed_points(
+    outlines: Sequence[Array], samples: int, first_px: tuple[int, int] = (0, 0)
+) -> list[NDArray[np.int32]]:
+    """Return outlines (N, 2) in pixels as OpenCV's painter wants them.
 
-
-def on_picture(view: View, polygons: Sequence[Polygon]) -> list[Array | None]:
-    """Return the outlines (M, 2) of polygons in pixels, clipped somewhat outside the picture; None for unseen ones."""
-    if not polygons:
+    samples: how many times as large the painted picture is. first_px: column and row of its first pixel.
+    """
+    if not outlines:
         return []
-    world = np.concatenate([polygon.points_m for polygon in polygons])
-    counts = np.array([len(polygon.points_m) for polygon in polygons])
-    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    beyond = _beyond(view, view.in_camera(world))
+    enlarged = (np.concatenate(outlines) + (0.5 - first_px[0], 0.5 - first_px[1])) * samples - 0.5
+    fixed = np.rint(np.minimum(np.maximum(enlarged, -30000.0), 30000.0) * (1 << _SHIFT)).astype(np.int32)
+    ends = np.cumsum([len(outline) for outline in outlines]).tolist()
+    return [fixed[a:b] for a, b in zip([0, *ends[:-1]], ends, strict=True)]
+
+
+def on_picture(view: View, faces: Faces) -> list[Array | None]:
+    """Return the outlines (M, 2) of faces in pixels, clipped somewhat outside the picture; None for unseen ones."""
+    count = len(faces.counts)
+    outlines: list[Array | None] = [None] * count
+    if not count:
+        return outlines
+    beyond = _beyond(view, view.in_camera(faces.points_m))
+    starts = faces.starts
     hidden = np.bitwise_and.reduceat(beyond, starts) != 0
-    crossing = (np.bitwise_or.reduceat(beyond, starts) != 0) & ~hidden
-    points: list[Array] = []
-    for polygon, is_hidden, is_crossing in zip(polygons, hidden, crossing, strict=True):
-        part = np.zeros((0, 3)) if is_hidden else polygon.points_m
-        points.append(_clipped(view, part) if is_crossing else part)
-    return _projected(view, polygons, points)
-
-
-def _projected(view: View, polygons: Sequence[Polygon], points: list[Array]) -> list[Array | None]:
-    pixels = _pixels(view, polygons, points)
+    some = np.bitwise_or.reduceat(beyond, starts)
+    crossing = (some != 0) & ~hidden
+    whole = np.flatnonzero(~hidden & ~crossing)
+    world = {i: faces.points_m[starts[i] : starts[i] + faces.counts[i]] for i in np.flatnonzero(~hidden).tolist()}
+    for i in np.flatnonzero(crossing).tolist():
+        world[i] = _clipped(view, world[i], int(some[i]))
+    _project(view, faces, whole.tolist(), world, outlines)
+    _project(view, faces, [i for i in np.flatnonzero(crossing).tolist() if len(world[i])], world, outlines)
     if view.camera.has_distortion or view.readout_s:
-        bent = [p is not None and len(p) > 0 and np.ptp(p, axis=0).max() > _STRAIGHT_PX for p in pixels]
-        finer = [_refined(w, p) if b else w for w, p, b in zip(points, pixels, bent, strict=True)]
-        if any(bent):
-            pixels = _pixels(view, polygons, finer)
-    return [p if p is not None and len(p) >= 3 else None for p in pixels]
+        bent = _long(outlines)
+        world = {i: _refined(world[i], outlines[i]) for i in bent}
+        _project(view, faces, bent, world, outlines)
+    return outlines
 
 
-def _pixels(view: View, polygons: Sequence[Polygon], points: list[Array]) -> list[Array | None]:
-    """Project all points at once, those of one velocity together."""
-    out: list[Array | None] = [None] * len(points)
-    velocities = {polygon.velocity_mps for polygon in polygons}
-    for velocity in velocities:
-        members = [i for i, p in enumerate(polygons) if p.velocity_mps == velocity and len(points[i])]
-        if not members:
-            continue
-        pixels = view.project(np.concatenate([points[i] for i in members]), velocity)
-        ends = np.cumsum([len(points[i]) for i in members])[:-1]
-        for i, part in zip(members, np.split(pixels, ends), strict=True):
-            out[i] = part if np.isfinite(part).all() else part[np.isfinite(part).all(axis=1)]
-    return out
+def _project(
+    view: View, faces: Faces, members: list[int], world: dict[int, Array], outlines: list[Array | None]
+) -> None:
+    """Put the outlines of some faces, all projected at once, into the list."""
+    if not members:
+        return
+    parts = [world[i] for i in members]
+    counts = [len(part) for part in parts]
+    velocity = np.repeat(faces.velocity_mps[members], counts, axis=0)
+    pixels = view.project(np.concatenate(parts), velocity)
+    fine = bool(np.isfinite(pixels).all())
+    end = 0
+    for i, n in zip(members, counts, strict=True):
+        outline = pixels[end : end + n]
+        end += n
+        if not fine:
+            outline = outline[np.isfinite(outline).all(axis=1)]
+        outlines[i] = outline if len(outline) >= 3 else None
+
+
+def _long(outlines: list[Array | None]) -> list[int]:
+    """Return which outlines are so long that the lens bends their edges visibly."""
+    seen = [(i, outline) for i, outline in enumerate(outlines) if outline is not None]
+    if not seen:
+        return []
+    points = np.concatenate([outline for _, outline in seen])
+    starts = np.cumsum([0, *(len(outline) for _, outline in seen[:-1])])
+    extent = np.maximum.reduceat(points, starts) - np.minimum.reduceat(points, starts)
+    return [seen[k][0] for k in np.flatnonzero(extent.max(axis=1) > _STRAIGHT_PX).tolist()]
 
 
 def _refined(world: Array, pixels: Array | None) -> Array:
@@ -186,8 +227,9 @@ def _refined(world: Array, pixels: Array | None) -> Array:
 def _planes(view: View) -> Array:
     """Return (5, 4) half-spaces n . p + d >= 0 of the camera frame that hold what the picture can show."""
     x, y = view.lens
-    left, right = _MARGIN * float(x.min()) - 0.05, _MARGIN * float(x.max()) + 0.05
-    low, high = _MARGIN * float(y.min()) - 0.05, _MARGIN * float(y.max()) + 0.05
+    margin = _MARGIN_BENT if view.camera.has_distortion else _MARGIN
+    left, right = margin * float(x[:, 0].min()) - 0.05, margin * float(x[:, -1].max()) + 0.05
+    low, high = margin * float(y[0].min()) - 0.05, margin * float(y[-1].max()) + 0.05
     return np.array([[0, 0, 1, -_NEAR_M], [1, 0, -left, 0], [-1, 0, right, 0], [0, 1, -low, 0], [0, -1, high, 0]])
 
 
@@ -199,21 +241,10 @@ def _beyond(view: View, inside: Array) -> NDArray[np.int64]:
     return bits
 
 
-def _clipped(view: View, world: Array) -> Array:
-    """Return the part of a polygon (N, 3) of the world in front of the camera and near the picture."""
-    world_T_camera = view.world_T_camera
-    polygon = world_T_camera.inverse().apply(world)
-    for plane in _planes(view):
-        if len(polygon):
-            polygon = np.array(list(_kept(polygon, polygon @ plane[:3] + plane[3]))).reshape(-1, 3)
-    return world_T_camera.apply(polygon) if len(polygon) >= 3 else np.zeros((0, 3))
-
-
-def _kept(polygon: Array, inside: Array) -> Iterator[Array]:
-    """Yield the part of a polygon where `inside` (N,), linear along its edges, is not negative."""
-    for i in range(len(polygon)):
-        a, b = inside[i - 1], inside[i]
-        if (a < 0.0) != (b < 0.0):
-            yield polygon[i - 1] + a / (a - b) * (polygon[i] - polygon[i - 1])
-        if b >= 0.0:
-            yield polygon[i]
+def _clipped(view: View, world: Array, crossed: int) -> Array:
+    """Return the part of a polygon (N, 3) of the world inside the half-spaces, by bits, that it crosses."""
+    polygon = view.world_T_camera.inverse().apply(world)
+    for i, plane in enumerate(_planes(view)):
+        if crossed & (1 << i):
+            polygon = kept_half(polygon, polygon @ plane[:3] + plane[3])
+    return view.world_T_camera.apply(polygon) if len(polygon) >= 3 else np.zeros((0, 3))

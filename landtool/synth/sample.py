@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
+import numpy as np
+
 from landtool.camera import Camera
 from landtool.geometry import Array, Pose
 from landtool.types import Image
@@ -47,8 +50,12 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A picture, the content of its .jpg file (the picture is what the file decodes to), and its truth."""
+    """A picture as the content of its .jpg file, and its truth."""
 
-    image: Image
     jpeg: bytes
     truth: Truth
+
+    @property
+    def image(self) -> Image:
+        """The picture (H, W, 3) BGR uint8 that the file decodes to."""
+        return np.asarray(cv2.imdecode(np.frombuffer(self.jpeg, np.uint8), cv2.IMREAD_COLOR), dtype=np.uint8)

@@ -86,7 +86,7 @@ class Scene:
     """Everything. things: stand on the ground; shades: throw a shadow but are not in the picture, like the drone.
 
     phase_m: what is added to a world x and y before they are looked up in a ground, so that no ground is always seen
-    at the same place.
+    at the same place. relief: contrast of the ground's texture, 1 as it was made.
     """
 
     ground: GroundTexture
@@ -99,3 +99,4 @@ class Scene:
     shades: tuple[Thing, ...] = ()
     fog: Fog | None = None
     phase_m: tuple[float, float] = (0.0, 0.0)
+    relief: float = 1.0

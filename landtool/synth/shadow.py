@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from landtool.geometry import Array
 from landtool.synth.mesh import Mesh
-from landtool.synth.raster import Polygon, filled, on_picture, window_of
+from landtool.synth.raster import Faces, filled, on_picture, window_of
 from landtool.synth.scene import Sun
 from landtool.synth.view import View
 
@@ -37,40 +37,41 @@ def lit(view: View, sun: Sun, meshes: Iterable[Mesh], z_m: float, depth_m: float
     reaching = np.ones(shape, np.float32)
     if not any(sun.sun) or sun.direction[2] < _HIGHEST_SUN_STEP:
         return reaching if any(sun.sun) else np.zeros(shape, np.float32)
-    polygons: list[Polygon] = []
+    parts: list[Faces] = []
     levels: list[int] = []
     for mesh in meshes:
         if mesh.casts:
-            level = round(2.0 * math.log2(_softness_px(view, sun, mesh, z_m, depth_m)))
-            for points in _fallen(mesh, sun, z_m):
-                polygons.append(Polygon(points, 1))
-                levels.append(level)
-    _darken(reaching, view, polygons, levels, {level: 2.0 ** (level / 2.0) for level in levels}, _LEFT)
+            fallen = _fallen(mesh, sun, z_m)
+            if fallen is not None:
+                parts.append(fallen)
+                level = round(2.0 * math.log2(_softness_px(view, sun, mesh, z_m, depth_m)))
+                levels += [level] * len(fallen.counts)
+    _darken(reaching, view, Faces.joined(parts), levels, {level: 2.0 ** (level / 2.0) for level in levels}, _LEFT)
     return reaching
 
 
 def openness(view: View, meshes: Iterable[Mesh], depth_m: float) -> Share:
     """Return the share (H, W) of the sky's light that reaches the ground beside bodies that stand on it."""
-    polygons: list[Polygon] = []
+    polygons: list[Array] = []
     levels: list[int] = []
     for mesh in meshes:
         low, high = mesh.points_m[:, 2].min(), mesh.points_m[:, 2].max()
         if mesh.closed and low < 0.6 and high > 0.03:
             hull = cv2.convexHull(mesh.points_m[:, :2].astype(np.float32)).reshape(-1, 2)
             reach_px = _DIM_REACH * high * view.camera.fx / max(depth_m, 0.1)
-            polygons.append(Polygon(np.column_stack([hull, np.zeros(len(hull))]), 1))
+            polygons.append(np.column_stack([hull, np.zeros(len(hull))]))
             levels.append(round(math.log2(float(np.clip(reach_px, 1.0, _SOFTEST_PX)))))
     free = np.ones((view.camera.height, view.camera.width), np.float32)
-    _darken(free, view, polygons, levels, {level: 2.0**level for level in levels}, _LEFT_OF_SKY)
+    _darken(free, view, Faces.of(polygons), levels, {level: 2.0**level for level in levels}, _LEFT_OF_SKY)
     return free
 
 
 def _darken(
-    share: Share, view: View, polygons: list[Polygon], levels: list[int], sigmas_px: dict[int, float], left: Share
+    share: Share, view: View, faces: Faces, levels: list[int], sigmas_px: dict[int, float], left: Share
 ) -> None:
-    """Multiply a share (H, W) by what polygons leave, those of a level together and blurred; left: by coverage."""
+    """Multiply a share (H, W) by what faces leave, those of a level together and blurred; left: by coverage."""
     outlines: dict[int, list[Array]] = defaultdict(list)
-    for level, outline in zip(levels, on_picture(view, polygons), strict=True):
+    for level, outline in zip(levels, on_picture(view, faces), strict=True):
         if outline is not None:
             outlines[level].append(outline)
     for level, members in outlines.items():
@@ -99,29 +100,29 @@ def _softness_px(view: View, sun: Sun, mesh: Mesh, z_m: float, depth_m: float) -
     return float(np.clip(px, _SHARPEST_PX, _SOFTEST_PX))
 
 
-def _fallen(mesh: Mesh, sun: Sun, z_m: float) -> Iterator[Array]:
-    """Yield the shadows (N, 3) that a mesh throws on the plane at height z_m."""
+def _fallen(mesh: Mesh, sun: Sun, z_m: float) -> Faces | None:
+    """Return the shadow that a mesh throws on the plane at height z_m, None when it throws none."""
     above = np.maximum(mesh.points_m[:, 2] - z_m, 0.0)
     if not above.any():
-        return
+        return None
+    thrown = _thrown(mesh.points_m, above, sun, z_m)
     if not mesh.closed:
-        for face in mesh.faces:
-            if above[face].any():
-                yield _thrown(mesh.points_m[face], above[face], sun, z_m)
-        return
-    if mesh.points_m[:, 2].min() < z_m:
-        # only what stands out above the plane: its foot is cut off at the plane, roughly, by its own upper points
-        upper = mesh.points_m[:, 2] > z_m
-        points, above = mesh.points_m[upper], above[upper]
-        points, above = np.concatenate([points, points]), np.concatenate([above, np.zeros(len(above))])
-    else:
-        points = mesh.points_m
-    thrown = _thrown(points, above, sun, z_m)
+        counts = np.array([len(face) for face in mesh.faces], np.intp)
+        resting = np.zeros((len(counts), 3))
+        return Faces(thrown[np.concatenate(mesh.faces)], counts, np.ones(len(counts), np.intp), resting)
+    if not above.all():
+        # what lies under the plane is cut off there, roughly: below each point above it
+        upper = above > 0.0
+        thrown = np.concatenate([thrown[upper], _thrown(mesh.points_m[upper], 0.0 * above[upper], sun, z_m)])
     hull = cv2.convexHull(thrown[:, :2].astype(np.float32)).reshape(-1, 2).astype(np.float64)
-    yield np.column_stack([hull, np.full(len(hull), z_m)])
+    return Faces.of([np.column_stack([hull, np.full(len(hull), z_m)])]) if len(hull) >= 3 else None
 
 
 def _thrown(points: Array, above: Array, sun: Sun, z_m: float) -> Array:
     """Return points (N, 3) moved along the sun's rays down to the plane."""
     x, y, z = sun.direction
-    return np.column_stack([points[:, 0] - above * x / z, points[:, 1] - above * y / z, np.full(len(points), z_m)])
+    thrown = np.empty_like(points)
+    thrown[:, 0] = points[:, 0] - above * (x / z)
+    thrown[:, 1] = points[:, 1] - above * (y / z)
+    thrown[:, 2] = z_m
+    return thrown

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from landtool.geometry import Array
 from landtool.synth.mesh import Mesh, place
 from landtool.synth.print_layer import outline_m
-from landtool.synth.raster import Polygon
+from landtool.synth.raster import Faces
 from landtool.synth.scene import Decal, Scene, Sun
 from landtool.synth.view import View
 
@@ -28,13 +29,15 @@ _SIDE, _UNDER = 0.62, 0.25
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """polygons: in paint order. By id, (n, ...) float32: what a surface gives back of the sky's and of the sun's
+    """The faces of a scene.
+
+    faces: in paint order. By id, (n, ...) float32: what a surface gives back of the sky's and of the sun's
     light (n, 3); its plane, n . (p - eye) = d, as (nx, ny, nz, d) in the world (n, 4). tops: (n,) bool, whether it is
     an upper side of the pad's carrier, which the shadows on the pad cross. platform: (n,) bool, whether it moves with
     the pad. decals: by id.
     """
 
-    polygons: tuple[Polygon, ...]
+    faces: Faces
     sky: NDArray[np.float32]
     sun: NDArray[np.float32]
     planes: NDArray[np.float32]
@@ -62,15 +65,15 @@ def _groups(scene: Scene, eye: Array, low: set[int], build: _Build) -> Iterator[
     """
     for thing in scene.things:
         centre = np.mean([mesh.points_m[:, :2].mean(axis=0) for mesh in thing], axis=0)
-        yield float(np.hypot(*(centre - eye[:2]))), lambda thing=thing: build.meshes(thing)
+        yield float(np.hypot(*(centre - eye[:2]))), partial(build.meshes, thing)
     for i, decal in enumerate(scene.decals):
         if i not in low:
             # a sign on something is painted just after it
             away = float(np.hypot(*(decal.world_T_plane.translation[:2] - eye[:2])))
-            yield away - 0.05, lambda i=i, decal=decal: build.decal(FIRST_DECAL + i, decal)
+            yield away - 0.05, partial(build.decal, FIRST_DECAL + i, decal)
     if scene.target is not None:
         away = float(np.hypot(*(scene.target.world_T_pad.translation[:2] - eye[:2])))
-        yield away, lambda: build.target(scene)
+        yield away, partial(build.target, scene)
 
 
 class _Build:
@@ -78,7 +81,7 @@ class _Build:
 
     def __init__(self, sun: Sun, eye: Array, first: int) -> None:
         self._light, self._eye, self._first = sun, eye, first
-        self._polygons: list[Polygon] = []
+        self._faces: list[Faces] = []
         self._normals: list[Array] = [np.tile([0.0, 0.0, 1.0], (first, 1))]
         self._offsets: list[Array] = [np.full(first, -eye[2])]
         self._albedo: list[Array] = [np.zeros((first, 3))]
@@ -95,7 +98,7 @@ class _Build:
         rim = target.world_T_pad.apply(outline_m(target, target.pad.extent_m / 2.0))
         up = target.world_T_pad.rotation[:, 2]
         if up @ (self._eye - target.world_T_pad.translation) > 0.0:
-            self._polygons.append(Polygon(rim, PRINT, target.velocity_mps))
+            self._faces.append(replace(Faces.of([rim], PRINT), velocity_mps=np.array([target.velocity_mps])))
         self._normals[0][PRINT], self._platform[0][PRINT] = up, True
         self._offsets[0][PRINT] = up @ (target.world_T_pad.translation - self._eye)
         self.meshes(place((*beside, *target.above), target.world_T_pad), target.velocity_mps, platform=True)
@@ -107,28 +110,36 @@ class _Build:
         up = decal.world_T_plane.rotation[:, 2]
         self._normals[0][id], self._offsets[0][id] = up, up @ (rim[0] - self._eye)
         if up @ (self._eye - rim[0]) > 0.0:
-            self._polygons.append(Polygon(rim, id))
+            self._faces.append(Faces.of([rim], id))
 
     def meshes(
         self, thing: tuple[Mesh, ...], velocity: tuple[float, float, float] = _STILL, *, platform: bool = False
     ) -> None:
         """Add the faces of bodies that are turned to the camera."""
-        for mesh in thing:
-            first = np.array([face[:3] for face in mesh.faces])
-            a, b, c = (mesh.points_m[first[:, i]] for i in range(3))
-            normals = np.cross(b - a, c - a)
-            normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-            offsets = np.einsum("ij,ij->i", normals, a - self._eye)
-            seen = np.flatnonzero(offsets < 0.0) if mesh.closed else np.arange(len(first))
-            # a loose face shows the side that is turned to the camera
-            flip = np.where(offsets > 0.0, -1.0, 1.0)
-            for i, face in enumerate(seen):
-                self._polygons.append(Polygon(mesh.points_m[mesh.faces[face]], self._next + i, velocity))
-            self._normals.append((normals * flip[:, None])[seen])
-            self._offsets.append((offsets * flip)[seen])
-            self._albedo.append(mesh.albedo[seen])
-            self._platform.append(np.full(len(seen), platform))
-            self._next += len(seen)
+        if not thing:
+            return
+        points = np.concatenate([mesh.points_m for mesh in thing])
+        shifts = np.cumsum([0, *(len(mesh.points_m) for mesh in thing)])
+        corners = [face + shift for mesh, shift in zip(thing, shifts, strict=False) for face in mesh.faces]
+        closed = np.repeat([mesh.closed for mesh in thing], [len(mesh.faces) for mesh in thing])
+        a, b, c = (points[[face[i] for face in corners]] for i in range(3))
+        normals = _cross(b - a, c - a)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        offsets = ((a - self._eye) * normals).sum(axis=1)
+        seen = np.flatnonzero((offsets < 0.0) | ~closed)
+        if not len(seen):
+            return
+        # a loose face shows the side that is turned to the camera
+        flip = np.where(offsets > 0.0, -1.0, 1.0)
+        shown = [corners[i] for i in seen]
+        counts = np.array([len(face) for face in shown], np.intp)
+        ids = self._next + np.arange(len(seen))
+        self._faces.append(Faces(points[np.concatenate(shown)], counts, ids, np.tile(velocity, (len(seen), 1))))
+        self._normals.append((normals * flip[:, None])[seen])
+        self._offsets.append((offsets * flip)[seen])
+        self._albedo.append(np.concatenate([mesh.albedo for mesh in thing])[seen])
+        self._platform.append(np.full(len(seen), platform))
+        self._next += len(seen)
 
     def surfaces(self, decals: dict[int, Decal]) -> Surfaces:
         """Return everything collected."""
@@ -138,7 +149,7 @@ class _Build:
         facing = np.maximum(normals @ np.array(self._light.direction), 0.0)
         platform = np.concatenate(self._platform)
         return Surfaces(
-            tuple(self._polygons),
+            Faces.joined(self._faces),
             (albedo * open_sky[:, None] * np.array(self._light.sky)).astype(np.float32),
             (albedo * facing[:, None] * np.array(self._light.sun)).astype(np.float32),
             np.column_stack([normals, np.concatenate(self._offsets)]).astype(np.float32),
@@ -146,3 +157,10 @@ class _Build:
             platform,
             decals,
         )
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Return the cross products of rows (N, 3)."""
+    x, y, z = a.T
+    u, v, w = b.T
+    return np.column_stack([y * w - z * v, z * u - x * w, x * v - y * u])

@@ -15,9 +15,9 @@ from landtool.pad import PadSpec
 from landtool.synth import markings
 from landtool.synth.domain import Domain, chance
 from landtool.synth.grounds import KINDS, VARIANTS, GroundTexture, ground, photo_ground
-from landtool.synth.mesh import Mesh, Thing, box, place
+from landtool.synth.mesh import Thing, box, place
 from landtool.synth.scene import Decal, Mark, Region
-from landtool.synth.signs import random_sign
+from landtool.synth.signs import FLAT, PAINTED, random_sign
 from landtool.synth.things import CARRIERS, PROPS
 from landtool.synth.view import View
 
@@ -26,9 +26,13 @@ _GROUND_SEED = 7
 _PHOTOS_KEPT = 6
 # grounds on which a driver's markings lie, and how often each layout is drawn there
 _LAYOUTS = {
-    "asphalt": ((markings.road, 0.35), (markings.parking_lot, 0.3), (markings.crossing, 0.1)),
-    "concrete": ((markings.apron, 0.6),),
+    "asphalt": ((markings.road, 0.4), (markings.parking_lot, 0.5), (markings.crossing, 0.4)),
+    "concrete": ((markings.apron, 0.6), (markings.parking_lot, 0.3)),
+    "cobbles": ((markings.manhole, 0.3), (markings.parking_lot, 0.2)),
+    "tiles": ((markings.manhole, 0.3),),
+    "brick": ((markings.parking_lot, 0.2),),
 }
+_OFTEN = {"asphalt": 2.0, "concrete": 1.6, "gravel": 1.3, "grass": 1.3, "water": 0.5, "snow": 0.5, "sand": 0.7}
 _TINT = 0.12
 
 
@@ -57,18 +61,18 @@ class Lot:
 def random_ground(
     domain: Domain, photos: Sequence[Path], scale: float, rng: np.random.Generator
 ) -> tuple[str, GroundTexture]:
-    """Return a ground and its name: one of the drawn kinds, or a photograph; everything on it `scale` times as large."""
+    """Return a ground and its name, a drawn kind or a photograph; everything on it is `scale` times as large."""
     if photos and chance(rng, domain.photographs):
         texture = _photo(photos[int(rng.integers(len(photos)))])
         tile_m = texture.tile_m * float(rng.uniform(0.6, 1.7))
         kind = "photograph"
     else:
-        kind = KINDS[int(rng.integers(len(KINDS)))]
+        kind = KINDS[int(rng.choice(len(KINDS), p=_shares()))]
         texture = ground(kind, int(rng.integers(VARIANTS)), _GROUND_SEED)
         tile_m = texture.tile_m * float(rng.uniform(0.8, 1.3))
-    tint = tuple(float(t) for t in np.exp(rng.normal(0.0, _TINT) + rng.normal(0.0, 0.03, 3)))
+    blue, green, red = (float(t) for t in np.exp(rng.normal(0.0, _TINT) + rng.normal(0.0, 0.03, 3)))
     grain = texture.grain_tile_m * scale
-    return kind, replace(texture, tile_m=tile_m * scale, grain_tile_m=grain, tint=tint)
+    return kind, replace(texture, tile_m=tile_m * scale, grain_tile_m=grain, tint=(blue, green, red))
 
 
 def furnish(
@@ -106,7 +110,7 @@ def _layout(
     things: list[Thing] = []
     layouts = [make for make, share in _LAYOUTS.get(kind, ()) if rng.random() < share][:1]
     if kind not in ("water", "snow", "grass", "photograph"):
-        layouts += [make for make in (markings.stains, markings.cracks) if rng.random() < 0.35]
+        layouts += [make for make in (markings.stains, markings.cracks) if rng.random() < 0.5]
     turn, shift = float(rng.uniform(-math.pi, math.pi)), rng.uniform(-4.0, 4.0, 2)
     world_T_layout = Pose.from_rotvec([*shift, 0.0], [0.0, 0.0, turn])
     for make in layouts:
@@ -156,27 +160,42 @@ def _spot(lot: Lot, keep_m: float, rng: np.random.Generator) -> Pose | None:
 def _sign(pad: PadSpec, lot: Lot, rng: np.random.Generator) -> tuple[str, Decal, Thing]:
     """Return a sign like the pad, on the ground, on a board, a box or a vehicle, with what it lies on."""
     name, picture = random_sign(rng, pad)
-    side = pad.extent_m * float(np.exp(rng.uniform(math.log(0.35), math.log(1.5))))
+    # what is painted on a road is larger than what is carried about
+    low, high = (1.2, 4.0) if name in PAINTED else (0.35, 1.5)
+    side = pad.extent_m * float(np.exp(rng.uniform(math.log(low), math.log(high))))
     pose = _spot(lot, lot.keep_m + 0.8 * side, rng)
     if pose is None:
         # with a large pad in sight the sign lies outside of the picture, where it does no harm
         pose = Pose.from_rotvec([lot.keep_m + 30.0 * side, 0.0, 0.0], [0.0, 0.0, 0.0])
-    kind = rng.random()
-    if kind < 0.45:
+    kind = 0.0 if name in FLAT or name in PAINTED else float(rng.random())
+    if kind < 0.4:
         return name, Decal(picture, pose @ _lifted(0.004), side), ()
-    if kind < 0.75:
-        high = float(rng.uniform(0.02, 0.5)) * side
-        white = float(rng.uniform(0.35, 0.8))
-        stand: tuple[Mesh, ...] = (box((1.04 * side, 1.04 * side, high), (0.0, 0.0, high / 2.0), (white,) * 3),)
-        return name, Decal(picture, pose @ _lifted(high + 0.002), side), place(stand, pose)
-    carriers = tuple(CARRIERS)
-    carrier = CARRIERS[carriers[int(rng.integers(len(carriers)))]](rng, side)
-    world_T_top = pose @ _lifted(carrier.pad_height_m)
-    return name, Decal(picture, world_T_top @ _lifted(0.004), side), place(carrier.thing, world_T_top)
+    if kind < 0.7:
+        stand, top_m = _board(side, rng)
+    else:
+        carriers = tuple(CARRIERS)
+        carrier = CARRIERS[carriers[int(rng.integers(len(carriers)))]](rng, side)
+        stand, top_m = place(carrier.thing, _lifted(carrier.pad_height_m)), carrier.pad_height_m
+    return name, Decal(picture, pose @ _lifted(top_m + 0.004), side), place(stand, pose)
+
+
+def _board(side_m: float, rng: np.random.Generator) -> tuple[Thing, float]:
+    """Return a plate or block that a sign is mounted on, and its height."""
+    high, white = float(rng.uniform(0.02, 0.5)) * side_m, float(rng.uniform(0.35, 0.8))
+    size = (1.04 * side_m, 1.04 * side_m, high)
+    return (box(size, (0.0, 0.0, high / 2.0), (white, white, white)),), high
 
 
 def _lifted(height_m: float) -> Pose:
     return Pose(rotation_from_rotvec([0.0, 0.0, 0.0]), np.array([0.0, 0.0, height_m]))
+
+
+@lru_cache(maxsize=1)
+def _shares() -> Array:
+    """Return how often each kind of ground is drawn: those that vehicles stand on more often."""
+    weights = np.array([_OFTEN.get(kind, 1.0) for kind in KINDS])
+    shares: Array = weights / weights.sum()
+    return shares
 
 
 @lru_cache(maxsize=_PHOTOS_KEPT)

@@ -76,13 +76,13 @@ def _clipped(polygon: Array, camera: Camera) -> Array:
     """Return the part (M, 2) of a convex polygon (N, 2) inside the image (Sutherland and Hodgman's clipping)."""
     for axis, limit in ((0, camera.width - 0.5), (1, camera.height - 0.5)):
         for sign, bound in ((1.0, -0.5), (-1.0, -limit)):
-            polygon = _half(polygon, sign * polygon[:, axis] - bound)
+            polygon = kept_half(polygon, sign * polygon[:, axis] - bound)
     return polygon
 
 
-def _half(polygon: Array, inside: Array) -> Array:
-    """Return the part of a polygon where `inside` (N,), linear along its edges, is not negative."""
-    before, a = np.roll(polygon, 1, axis=0), np.roll(inside, 1)
+def kept_half(polygon: Array, inside: Array) -> Array:
+    """Return the part (M, D) of a polygon (N, D) where `inside` (N,), linear along its edges, is not negative."""
+    before, a = np.concatenate([polygon[-1:], polygon[:-1]]), np.concatenate([inside[-1:], inside[:-1]])
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = before + (a / (a - inside))[:, None] * (polygon - before)
     # of each edge the point where it crosses, then its end: those that exist

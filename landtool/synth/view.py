@@ -6,7 +6,7 @@ With a rolling shutter every row has its own moment, so rays and projections kno
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -47,7 +47,10 @@ class View:
         return moment
 
     def project(self, points_m: ArrayLike, velocity_mps: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
-        """Return the pixels (N, 2) of world points (N, 3) that move with `velocity_mps` (3,); NaN as `Camera.project`."""
+        """Return the pixels (N, 2) of world points (N, 3) that move; NaN as `Camera.project`.
+
+        velocity_mps: of the points in the world, (3,) of all or (N, 3).
+        """
         points = np.asarray(points_m, dtype=np.float64).reshape(-1, 3)
         pixels = self.camera.project(self.in_camera(points))
         if self.readout_s == 0.0 or not len(points):
@@ -69,12 +72,13 @@ class View:
     def rays(self) -> tuple[Map, Map, Map]:
         """World directions (H, W) x 3 through all pixels; one unit of them is one metre of depth along the axis."""
         x, y = self.lens
-        t = self._row_times[:, None]
+        t: Map = self._row_times.reshape(-1, 1)
         dx, dy, dz = x, y, np.ones_like(x)
         if self.readout_s and self.rate_radps.any():
             first = _rotated(skew(self.rate_radps), dx, dy, dz)
             second = _rotated(skew(self.rate_radps), *first)
-            dx, dy, dz = (d + t * a + t * t / 2 * b for d, a, b in zip((dx, dy, dz), first, second, strict=True))
+            half = np.float32(0.5) * t * t
+            dx, dy, dz = (d + t * a + half * b for d, a, b in zip((dx, dy, dz), first, second, strict=True))
         return _rotated(self.world_T_camera.rotation, dx, dy, dz)
 
     @cached_property
@@ -97,18 +101,23 @@ class View:
 
     def origin(self, axis: int) -> Map:
         """Return the camera's coordinate (H, 1) along a world axis when each row is exposed."""
-        return np.float32(self.world_T_camera.translation[axis] + self._row_times * self.velocity_mps[axis])[:, None]
+        along = self.world_T_camera.translation[axis] + self._row_times * self.velocity_mps[axis]
+        place: Map = along.astype(np.float32).reshape(-1, 1)
+        return place
 
     @cached_property
     def _row_times(self) -> Map:
-        return np.float32(self.row_time_s(np.arange(self.camera.height)))
+        times: Map = self.row_time_s(np.arange(self.camera.height, dtype=np.float64)).astype(np.float32)
+        return times
 
 
 def _nodes(size: int) -> Array:
     """Return Chebyshev points over the pixels of an axis, as pixel coordinates."""
-    return (chebyshev.chebpts1(_NODES) + 1.0) / 2.0 * size - 0.5
+    nodes: Array = (chebyshev.chebpts1(_NODES) + 1.0) / 2.0 * size - 0.5
+    return nodes
 
 
+@lru_cache(maxsize=8)
 def _basis(size: int) -> Array:
     """Return the (size, nodes) matrix from values at `_nodes` to values at every pixel."""
     to_coefficients = np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(_NODES), _NODES - 1))
@@ -119,13 +128,15 @@ def _basis(size: int) -> Array:
 
 def _rotated(matrix: Array, x: Map, y: Map, z: Map) -> tuple[Map, Map, Map]:
     m = matrix.astype(np.float32)
-    return tuple(m[i, 0] * x + m[i, 1] * y + m[i, 2] * z for i in range(3))  # type: ignore[return-value]
+    first, second, third = (m[i, 0] * x + m[i, 1] * y + m[i, 2] * z for i in range(3))
+    return first, second, third
 
 
 def _turned(points: Array, t: Array, rate_radps: Array) -> Array:
     """Return points (N, 3) turned by t (N, 1) times the rate: exp(t w) to its second order, as `rays` has it."""
     if not rate_radps.any() or not t.any():
         return points
-    first = np.cross(rate_radps, points)
-    turned: Array = points + t * first + t * t / 2.0 * np.cross(rate_radps, first)
+    turning = skew(rate_radps).T
+    first = points @ turning
+    turned: Array = points + t * first + t * t / 2.0 * (first @ turning)
     return turned

@@ -31,6 +31,15 @@ class Atlas:
     levels: int
     mirrored: bool = False
 
+    @cached_property
+    def mean_light(self) -> Map:
+        """The mean (3,) of an sRGB picture in linear light, kept because an atlas serves many grounds."""
+        width, height, left, top = (int(value) for value in self.places[:, 0])
+        first = self.picture[top : top + height, left : left + width]
+        light = linear_lut("srgb")
+        histograms = [np.bincount(first[:, :, i].ravel(), minlength=256) for i in range(3)]
+        return np.array([counts @ light / counts.sum() for counts in histograms], np.float32)
+
 
 @dataclass(frozen=True, eq=False)
 class GroundTexture:
@@ -58,24 +67,13 @@ class GroundTexture:
     @property
     def mean(self) -> Map:
         """Albedo (3,) on average, linear light, blue first."""
-        mean: Map = self._mean * np.array(self.tint, np.float32)
+        mean: Map = self.detail.mean_light * np.array(self.tint, np.float32)
         return mean
 
     @property
     def size_bytes(self) -> int:
         """Memory that the pictures take."""
         return sum(atlas.picture.nbytes for atlas in (self.detail, self.patches, self.grain))
-
-    @cached_property
-    def _mean(self) -> Map:
-        light = linear_lut("srgb")
-        histograms = [np.bincount(self._first[:, :, i].ravel(), minlength=256) for i in range(3)]
-        return np.array([counts @ light / counts.sum() for counts in histograms], np.float32)
-
-    @property
-    def _first(self) -> Bytes:
-        width, height, left, top = (int(value) for value in self.detail.places[:, 0])
-        return self.detail.picture[top : top + height, left : left + width]
 
 
 def color_atlas(encoded: Bytes, *, mirrored: bool = False) -> Atlas:

@@ -68,7 +68,7 @@ def draw(
         with Path(drawn).open("a") as file:
             file.write(f"{index}\n")
     _, jpeg = cv2.imencode(".jpg", image)
-    return Sample(image, jpeg.tobytes(), truth)
+    return Sample(jpeg.tobytes(), truth)
 
 
 def draw_until_trouble(
