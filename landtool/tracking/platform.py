@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 from landtool.geometry import Pose
 from landtool.tracking.ego import EgoTrajectory
-from landtool.tracking.reference import to_reference
+from landtool.tracking.reference import EgoNoise, to_reference
 from landtool.tracking.tracker import PlanarMeasurement, Tracker, TrackerConfig
 from landtool.types import PadPose, Track
 
@@ -18,6 +20,7 @@ class PlatformTracker:
     def __init__(self, config: TrackerConfig, body_T_camera: Pose, ego: EgoTrajectory | None = None) -> None:
         self._tracker = Tracker(config, "world" if ego else "body")
         self._body_T_camera, self._ego = body_T_camera, ego
+        self._ego_noise = EgoNoise(config.ego_position_sigma_m, math.radians(config.ego_attitude_sigma_deg))
 
     def world_T_body(self, t_ns: int | None) -> Pose | None:
         """Return the drone's pose at a time, None where it is not known."""
@@ -48,6 +51,6 @@ class PlatformTracker:
         if pose is not None and self._ego is not None and world_T_body is None:
             said = "the drone's own pose is not known at this time"
         elif pose is not None:
-            measurements = [to_reference(pose, self._body_T_camera, world_T_body)]
+            measurements = [to_reference(pose, self._body_T_camera, world_T_body, self._ego_noise)]
         tracks = self._tracker.step(t_ns, measurements)
         return tracks, "; ".join(filter(None, [said, self._tracker.note]))

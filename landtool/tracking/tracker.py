@@ -31,6 +31,8 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "coast_s": (0.0, 3600.0),
     "backward_s": (0.0, 3600.0),
     "horizon_s": (0.0, 60.0),
+    "ego_position_sigma_m": (0.0, 100.0),
+    "ego_attitude_sigma_deg": (0.0, 90.0),
 }
 
 
@@ -56,6 +58,10 @@ class TrackerConfig:
     backward_s: float = 0.1
     # how far ahead the place of the platform is predicted
     horizon_s: float = 0.5
+    # how far the drone's own poses are off from frame to frame, where it is known: each direction, each axis
+    ego_position_sigma_m: float = 0.01
+    # the same of its attitude, which counts more the farther away the pad is
+    ego_attitude_sigma_deg: float = 0.1
     # what counts as measured: the position, or the paper's position and velocity made of two positions
     measurement: MeasurementModel = "position"
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from landtool.geometry import Pose, rotation_from_rotvec
 from landtool.io.poses import STRAIGHT_DOWN
-from landtool.tracking.reference import to_reference
+from landtool.tracking.reference import EgoNoise, to_reference
 from landtool.types import PadPose
 
 
@@ -52,3 +52,20 @@ def test_the_covariance_is_that_of_the_moved_points() -> None:
     sampled = np.cov(places.T)
     np.testing.assert_allclose(measured.covariance, sampled, atol=0.03 * np.trace(sampled))
     np.testing.assert_allclose(measured.xy_m, places.mean(axis=0), atol=5e-3)
+
+
+def test_what_the_drones_own_pose_is_off_by_is_in_the_covariance() -> None:
+    rng = np.random.default_rng(9)
+    camera_T_pad = Pose.from_rotvec([1.5, -0.8, 5.0], [3.0, 0.2, 0.1])
+    world_T_body = Pose.from_rotvec([1.0, 2.0, 6.0], [0.1, -0.2, 1.0])
+    noise = EgoNoise(position_m=0.02, attitude_rad=0.01)
+    exact = seen(camera_T_pad, np.zeros((6, 6)) + 1e-12 * np.eye(6))
+    measured = to_reference(exact, STRAIGHT_DOWN, world_T_body, noise)
+    places = []
+    for _ in range(20_000):
+        off = world_T_body.perturbed(np.concatenate([rng.normal(0.0, 0.02, 3), rng.normal(0.0, 0.01, 3)]))
+        places.append((off @ STRAIGHT_DOWN).apply(camera_T_pad.translation)[:2])
+    sampled = np.cov(np.array(places).T)
+    np.testing.assert_allclose(measured.covariance, sampled, atol=0.03 * np.trace(sampled))
+    in_body = to_reference(exact, STRAIGHT_DOWN, None, noise)
+    assert np.trace(in_body.covariance) < 1e-9
