@@ -46,7 +46,7 @@ class Domain:
     # grounds that are photographs, of pictures made with any
     photographs: float = 0.35
     # contrast of the ground's texture, 1 as it was made
-    relief: Range = (0.9, 2.2)
+    relief: Range = (0.9, 1.8)
     # other things in the picture, bodies on the mean
     things: float = 4.5
     # something on or over the pad that hides a part of it
@@ -58,7 +58,7 @@ class Domain:
     # light: overcast skies, the sun's height, and how bright a white level surface is in the picture (1 saturates)
     overcast: float = 0.3
     sun_elevation_deg: Range = (4.0, 75.0)
-    light: Range = (0.2, 2.4)
+    light: Range = (0.25, 2.6)
     vignette: Range = (0.0, 0.35)
     white_balance: float = 0.12
     # shadows of trees and poles that fall across the pad, and of the drone
@@ -75,8 +75,8 @@ class Domain:
     motion_blur_px: Range = (0.5, 8.0)
     rolling_shutter: float = 0.25
     # noise of a white pixel and of a black one, standard deviations of linear light
-    shot_noise: Range = (0.003, 0.04)
-    read_noise: Range = (0.0003, 0.006)
+    shot_noise: Range = (0.004, 0.05)
+    read_noise: Range = (0.0005, 0.008)
     bayer: float = 0.7
     # pictures whose tone curve strays from sRGB's, in exponent, contrast and saturation
     tone: float = 0.8
@@ -84,7 +84,7 @@ class Domain:
     rescaled: float = 0.12
     rescale: Range = (0.45, 0.9)
     sharpen: Range = (0.0, 1.0)
-    jpeg_quality: Range = (45.0, 96.0)
+    jpeg_quality: Range = (55.0, 97.0)
 
     def __post_init__(self) -> None:
         hints = get_type_hints(type(self), include_extras=True)

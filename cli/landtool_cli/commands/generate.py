@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import re
 import time
+from collections.abc import Mapping
+from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 
@@ -14,7 +16,9 @@ from landtool.config import GenerateConfig, configured, read_config
 from landtool.errors import InputError, LandtoolError, UsageError
 from landtool.io.atomic import refuse_input_as_output
 from landtool.io.local import local_file
+from landtool.io.mcap_build import McapSchema
 from landtool.pad import PadSpec
+from landtool.synth.clips import SCENARIOS, ClipConfig, side_files, write_clip
 from landtool.synth.dataset import DatasetRequest, DatasetSummary, Progress, write_dataset
 from landtool.synth.dataset.backgrounds import SCIKIT_IMAGE, find_backgrounds
 from landtool_cli import options
@@ -84,6 +88,65 @@ def images(console: Console, /, output: Path, config: Path | None, overwrite: bo
         preview = settings.preview
         made = write_dataset(request, output, jobs=jobs, overwrite=overwrite, preview=preview, progress=progress)
     _tell(console, made, settings)
+
+
+def frame_rate(text: str) -> Fraction:
+    """Return the exact rate of a text such as 30, 29.97 or 30000/1001, or fail as click does."""
+    try:
+        return Fraction(text)
+    except (ValueError, ZeroDivisionError):
+        raise click.BadParameter(f"'{text}' is no frame rate such as 30 or 30000/1001.") from None
+
+
+@command.command("clip")
+@options.output("The clip, .mp4 or .mcap; its truth, odometry, camera and pad are written beside it.", required=True)
+@click.option("--scenario", type=click.Choice(tuple(SCENARIOS)), help="What the platform does.  [default: straight]")
+@click.option("--duration", "duration_s", type=float, metavar="S", help="Seconds.  [default: 6]")
+@click.option("--fps", type=frame_rate, metavar="F", help="Pictures a second, as 30 or 30000/1001.  [default: 30]")
+@click.option("--height", "height_start_m", type=float, metavar="M", help="Height at the start.  [default: 6]")
+@click.option(
+    "--fog", "fog_beta", type=float, metavar="BETA", help="Extinction a metre, 3.9 / visibility.  [default: 0]"
+)
+@click.option("--wind", "wind_mps", type=float, metavar="V", help="Mean wind in m/s, gusts with it.  [default: 2]")
+@click.option("--vfr", is_flag=True, default=None, help="Uneven times between the pictures, and gaps.")
+@click.option("--seed", type=click.IntRange(min=0), metavar="S", help="Another seed, another landing.  [default: 0]")
+@click.option("--size", type=size_px, metavar="WxH", help="Size of the pictures, pixels.  [default: 640x480]")
+@click.option("--hfov", "hfov_deg", type=float, metavar="DEG", help="Horizontal field of view.  [default: 70]")
+@options.pad
+@click.option("--diameter", "diameter_m", type=options.DIAMETER_M, metavar="M", help="Ring diameter D of the pad.")
+@click.option("--mcap-schema", type=click.Choice(get_args(McapSchema)), help="Messages of a .mcap.  [default: ros2]")
+@options.overwrite
+@pass_console
+def clip(
+    console: Console, /, output: Path, pad: Path | None, diameter_m: float | None, overwrite: bool, **flags: Any
+) -> None:
+    """Make a landing on a moving platform: video or MCAP log, and the truth of every frame.
+
+    A drone with the limits of a real one comes down on the platform. Beside CLIP.mp4 lie CLIP.truth.csv (drone,
+    camera and platform in every frame), CLIP.ego.csv (the drone's own noisy odometry, for `landtool track --ego`),
+    CLIP.camera.yaml, CLIP.pad.toml and CLIP.manifest.json.
+    """
+    if pad is not None:
+        refuse_input_as_output([pad], output)
+    config = ClipConfig(pad=_pad(pad, diameter_m), **{name: v for name, v in flags.items() if v is not None})
+    with console.counter(label=output.name) as counter:
+
+        def progress(done: int, total: int) -> None:
+            if done == 1:
+                counter.expect(total)
+            counter.add()
+
+        made = write_clip(config, output, overwrite=overwrite, report=progress)
+    beside = side_files(output)
+    console.result(f"{output}: {made.frames} frames, {config.scenario}; the pad is seen in {made.visible}")
+    console.result(f"  truth: {beside['truth.csv']}")
+    console.result(f"  landtool track {output}{_track_options(output, beside)}")
+
+
+def _track_options(output: Path, beside: Mapping[str, Path]) -> str:
+    """Return what `landtool track` needs to know of a clip; a log carries its calibration itself."""
+    camera = "" if output.suffix.lower() == ".mcap" else f" --camera {beside['camera.yaml']}"
+    return f"{camera} --pad {beside['pad.toml']} --ego {beside['ego.csv']}"
 
 
 @command.command("preview")
