@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,23 +27,50 @@ Layers = dict[int, tuple[Window, Linear]]
 
 
 @dataclass(frozen=True, eq=False)
+class _Seen:
+    """What the pixels of a view see."""
+
+    view: View
+    raster: Raster
+    surfaces: Surfaces
+    floor: Floor
+    sheet: PrintLayer | None
+
+
+@dataclass(frozen=True, eq=False)
 class Rendered:
     """What reaches the camera. linear: (H, W, 3) float32 light, blue first, not clipped, without fog.
 
-    depth_m, distance_m: (H, W) along the optical axis and along the ray, inf in the sky. x_m, y_m: (H, W) place on
-    the ground below what a pixel sees. platform: (H, W) share of a pixel that sees the pad, its carrier or what lies
-    on it; None without a pad. hidden: share of the disc inside the ring, of its part in the picture, that something
-    hides. shaded: share of that part in shadow.
+    x_m, y_m: (H, W) place on the ground below what a pixel sees. hidden: share of the disc inside the ring, of its
+    part in the picture, that something hides. shaded: share of that part in shadow.
     """
 
     linear: Linear
-    depth_m: Map
-    distance_m: Map
     x_m: Map
     y_m: Map
-    platform: Map | None = None
-    hidden: float = 0.0
-    shaded: float = 0.0
+    hidden: float
+    shaded: float
+    seen: _Seen
+
+    @cached_property
+    def depth_m(self) -> Map:
+        """How far each pixel sees along the optical axis (H, W), inf in the sky."""
+        return _depth(self.seen)
+
+    @cached_property
+    def distance_m(self) -> Map:
+        """How far each pixel sees along its ray (H, W), inf in the sky."""
+        x, y = self.seen.view.lens
+        distance: Map = self.depth_m * np.sqrt(x * x + y * y + np.float32(1.0))
+        return distance
+
+    @cached_property
+    def platform(self) -> Map:
+        """The share (H, W) of a pixel that sees the pad, its carrier or what lies on it."""
+        raster, platform = self.seen.raster, self.seen.surfaces.platform
+        share: Map = platform[raster.centre].astype(np.float32)
+        share.ravel()[raster.mixed] = platform[raster.mixed_ids].mean(axis=1, dtype=np.float32)
+        return share
 
 
 def render(scene: Scene, view: View) -> Rendered:
@@ -63,12 +92,9 @@ def render(scene: Scene, view: View) -> Rendered:
         if sheet is not None:
             layers[PRINT] = (sheet.window, _print_light(scene, view, target, sheet, lit))
     linear = _composed(raster, surfaces, floor, layers, lit)
-    depth = _depth(raster, surfaces, floor, sheet, view)
-    x, y = view.lens
-    distance = depth * np.sqrt(x * x + y * y + np.float32(1.0))
     hidden, shaded = _covered(target, sheet, raster, lit)
-    platform = None if target is None else _platform(raster, surfaces)
-    return Rendered(linear, depth, distance, floor.x_m, floor.y_m, platform, hidden, shaded)
+    seen = _Seen(view, raster, surfaces, floor, sheet)
+    return Rendered(linear, floor.x_m, floor.y_m, hidden, shaded, seen)
 
 
 def _bodies(scene: Scene) -> list[Mesh]:
@@ -120,60 +146,81 @@ def _composed(raster: Raster, surfaces: Surfaces, floor: Floor, layers: Layers, 
     """Return the picture: whole pixels from what they see, mixed ones from their shares."""
     picture = floor.light
     flat = picture.reshape(-1, 3)
-    blend = _mixed_light(raster, surfaces, flat, layers, lit)
-    seen = np.flatnonzero(raster.centre)
-    kind = raster.centre.ravel()[seen]
-    light = (surfaces.sky + surfaces.sun)[kind]
+    if lit is not None and not (surfaces.tops.any() and surfaces.sun.any()):
+        lit = None
+    tables = _by_id(surfaces.sky + surfaces.sun)
+    blend = _mixed_light(raster, surfaces, tables, flat, layers, lit)
+    light = cv2.merge([cv2.LUT(raster.centre, table) for table in tables])
+    cv2.copyTo(light, (raster.centre != 0).view(np.uint8), picture)
     if lit is not None:
+        dark = np.flatnonzero(lit < 1.0)
+        kind = raster.centre.ravel()[dark]
         top = np.flatnonzero(surfaces.tops[kind])
-        light[top] -= surfaces.sun[kind[top]] * (1.0 - lit.ravel()[seen[top]])[:, None]
-    flat[seen] = light
+        flat[dark[top]] -= surfaces.sun[kind[top]] * (1.0 - lit.ravel()[dark[top]])[:, None]
     for id, (window, layer) in layers.items():
-        here = raster.centre[window] == id
-        picture[window][here] = layer[here]
+        cv2.copyTo(layer, (raster.centre[window] == id).view(np.uint8), picture[window])
     flat[raster.mixed] = blend
     return picture
 
 
 def _mixed_light(
-    raster: Raster, surfaces: Surfaces, ground: Linear, layers: Layers, lit: Map | None
+    raster: Raster,
+    surfaces: Surfaces,
+    tables: list[NDArray[np.float32]],
+    ground: Linear,
+    layers: Layers,
+    lit: Map | None,
 ) -> NDArray[np.float32]:
-    """Return the light (M, 3) of the pixels that see several surfaces; ground: (H W, 3)."""
+    """Return the light (M, 3) of the pixels that see several surfaces; tables: as `_by_id`; ground: (H W, 3)."""
     mixed, ids = raster.mixed, raster.mixed_ids
-    blend = _mean(surfaces.sky + surfaces.sun, ids)
-    blend += (ids == 0).mean(axis=1, dtype=np.float32)[:, None] * ground[mixed]
-    if lit is not None and surfaces.tops.any():
-        shade = np.where(surfaces.tops[:, None], surfaces.sun, np.float32(0.0))
-        blend -= _mean(shade, ids) * (1.0 - lit.ravel()[mixed])[:, None]
+    if not len(mixed):
+        return np.zeros((0, 3), np.float32)
+    blend = _mean(tables, ids)
+    blend += _share(ids, 0) * ground[mixed]
+    if lit is not None:
+        dark = np.flatnonzero(lit.ravel()[mixed] < 1.0)
+        shade = _by_id(np.where(surfaces.tops[:, None], surfaces.sun, np.float32(0.0)))
+        if len(dark):
+            blend[dark] -= _mean(shade, ids[dark]) * (1.0 - lit.ravel()[mixed[dark]])[:, None]
     row, column = np.divmod(mixed, raster.centre.shape[1])
     for id, ((rows, columns), layer) in layers.items():
         inside = (row >= rows.start) & (row < rows.stop) & (column >= columns.start) & (column < columns.stop)
         some = np.flatnonzero(inside & (ids == id).any(axis=1))
-        weight = (ids[some] == id).mean(axis=1, dtype=np.float32)[:, None]
-        blend[some] += weight * layer[row[some] - rows.start, column[some] - columns.start]
+        blend[some] += _share(ids[some], id) * layer[row[some] - rows.start, column[some] - columns.start]
     return blend
 
 
-def _mean(table: NDArray[np.float32], ids: NDArray[np.uint16]) -> NDArray[np.float32]:
-    """Return the mean (M, C) of the table's rows for ids (M, K)."""
-    total = np.zeros((len(ids), table.shape[1]), np.float32)
-    for column in ids.T:
-        total += table[column]
-    return total / np.float32(ids.shape[1])
+def _by_id(values: NDArray[np.float32]) -> list[NDArray[np.float32]]:
+    """Return the columns of values by id (n, C) as OpenCV looks them up: each (1, 65536), it wants them all."""
+    tables = np.zeros((values.shape[1], 1, 1 << 16), np.float32)
+    tables[:, 0, : len(values)] = values.T
+    return list(tables)
 
 
-def _depth(raster: Raster, surfaces: Surfaces, floor: Floor, sheet: PrintLayer | None, view: View) -> Map:
+def _mean(tables: list[NDArray[np.float32]], ids: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """Return the mean (M, C) of the values of ids (M, K)."""
+    means = [cv2.reduce(cv2.LUT(ids, table), 1, cv2.REDUCE_AVG) for table in tables]
+    return np.concatenate(means, axis=1, dtype=np.float32)
+
+
+def _share(ids: NDArray[np.uint16], id: int) -> NDArray[np.float32]:
+    """Return how many of ids (M, K) are one of them, (M, 1) in [0, 1]."""
+    share: NDArray[np.float32] = (ids == id).mean(axis=1, dtype=np.float32, keepdims=True)
+    return share
+
+
+def _depth(seen: _Seen) -> Map:
     """Return the depth (H, W) of what is in the middle of each pixel."""
-    depth = floor.depth_m.copy()
-    seen = np.flatnonzero(raster.centre)
-    if len(seen):
-        plane = surfaces.planes[raster.centre.ravel()[seen]]
+    depth, raster, sheet = seen.floor.depth_m.copy(), seen.raster, seen.sheet
+    covered = np.flatnonzero(raster.centre)
+    if len(covered):
+        plane = seen.surfaces.planes[raster.centre.ravel()[covered]]
         # n . (s ray) = d
-        along = sum(plane[:, i] * view.rays[i].ravel()[seen] for i in range(3))
+        along = sum(plane[:, i] * seen.view.rays[i].ravel()[covered] for i in range(3))
         with np.errstate(divide="ignore", invalid="ignore"):
             found = plane[:, 3] / along
         # the face of a grazing sight, whose plane says nothing
-        depth.ravel()[seen] = np.where((found > 0) & np.isfinite(found), found, depth.ravel()[seen])
+        depth.ravel()[covered] = np.where((found > 0) & np.isfinite(found), found, depth.ravel()[covered])
     if sheet is not None:
         here = raster.centre[sheet.window] == PRINT
         depth[sheet.window][here] = sheet.depth_m[here]
@@ -191,10 +238,3 @@ def _covered(target: Target | None, sheet: PrintLayer | None, raster: Raster, li
         return 0.0, 0.0
     seen = raster.coverage(PRINT)[sheet.window][disc]
     return float(1.0 - seen.mean()), float(1.0 - lit[sheet.window][disc].mean())
-
-
-def _platform(raster: Raster, surfaces: Surfaces) -> Map:
-    share: Map = surfaces.platform[raster.centre].astype(np.float32)
-    if len(raster.mixed):
-        share.ravel()[raster.mixed] = surfaces.platform[raster.mixed_ids].mean(axis=1, dtype=np.float32)
-    return share

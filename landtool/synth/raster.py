@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landtool.geometry import Array
-from landtool.synth.truth import kept_half
 from landtool.synth.view import View
 
 Ids = NDArray[np.uint16]
@@ -75,12 +74,17 @@ class Raster:
     @cached_property
     def mixed(self) -> NDArray[np.intp]:
         """The pixels (M,) that see more than one surface, as places in the flattened picture."""
-        differs = np.zeros(self.centre.shape, np.bool_)
+        rows = self.ids.reshape(-1, SAMPLES, self.ids.shape[1])
+        middle = rows[:, SAMPLES // 2]
+        differs = np.zeros(middle.shape, np.bool_)
         for i in range(SAMPLES):
-            for j in range(SAMPLES):
-                if (i, j) != (SAMPLES // 2, SAMPLES // 2):
-                    differs |= self.ids[i::SAMPLES, j::SAMPLES] != self.centre
-        return np.flatnonzero(differs)
+            if i != SAMPLES // 2:
+                differs |= rows[:, i] != middle
+        across = middle[:, 1:] != middle[:, :-1]
+        across[:, SAMPLES - 1 :: SAMPLES] = False  # from one pixel to the next
+        differs[:, 1:] |= across
+        pixels = np.flatnonzero(differs) // SAMPLES
+        return pixels[np.diff(pixels, prepend=-1) > 0]
 
     @cached_property
     def mixed_ids(self) -> Ids:
@@ -155,72 +159,86 @@ def fixed_points(
 
 def on_picture(view: View, faces: Faces) -> list[Array | None]:
     """Return the outlines (M, 2) of faces in pixels, clipped somewhat outside the picture; None for unseen ones."""
-    count = len(faces.counts)
-    outlines: list[Array | None] = [None] * count
-    if not count:
+    outlines: list[Array | None] = [None] * len(faces.counts)
+    corners = _in_sight(view, faces)
+    if not len(corners.of):
         return outlines
-    beyond = _beyond(view, view.in_camera(faces.points_m))
-    starts = faces.starts
-    hidden = np.bitwise_and.reduceat(beyond, starts) != 0
-    some = np.bitwise_or.reduceat(beyond, starts)
-    crossing = (some != 0) & ~hidden
-    whole = np.flatnonzero(~hidden & ~crossing)
-    world = {i: faces.points_m[starts[i] : starts[i] + faces.counts[i]] for i in np.flatnonzero(~hidden).tolist()}
-    for i in np.flatnonzero(crossing).tolist():
-        world[i] = _clipped(view, world[i], int(some[i]))
-    _project(view, faces, whole.tolist(), world, outlines)
-    _project(view, faces, [i for i in np.flatnonzero(crossing).tolist() if len(world[i])], world, outlines)
+    pixels = view.project(corners.points_m, corners.velocity_mps(faces))
+    _put(outlines, corners, pixels)
     if view.camera.has_distortion or view.readout_s:
-        bent = _long(outlines)
-        world = {i: _refined(world[i], outlines[i]) for i in bent}
-        _project(view, faces, bent, world, outlines)
+        starts = corners.starts
+        extent = np.maximum.reduceat(pixels, starts) - np.minimum.reduceat(pixels, starts)
+        bent = extent.max(axis=1) > _STRAIGHT_PX
+        if bent.any():
+            each = np.repeat(bent, corners.counts)
+            finer = _refined(_Corners(corners.points_m[each], corners.counts[bent], corners.of[bent]), pixels[each])
+            _put(outlines, finer, view.project(finer.points_m, finer.velocity_mps(faces)))
     return outlines
 
 
-def _project(
-    view: View, faces: Faces, members: list[int], world: dict[int, Array], outlines: list[Array | None]
-) -> None:
-    """Put the outlines of some faces, all projected at once, into the list."""
-    if not members:
-        return
-    parts = [world[i] for i in members]
-    counts = [len(part) for part in parts]
-    velocity = np.repeat(faces.velocity_mps[members], counts, axis=0)
-    pixels = view.project(np.concatenate(parts), velocity)
+@dataclass(frozen=True, eq=False)
+class _Corners:
+    """Corners (P, 3) of some faces, in the world or the camera frame; counts: (n,) of each, of: (n,) which face."""
+
+    points_m: Array
+    counts: NDArray[np.intp]
+    of: NDArray[np.intp]
+
+    @property
+    def starts(self) -> NDArray[np.intp]:
+        starts: NDArray[np.intp] = np.cumsum(self.counts) - self.counts
+        return starts
+
+    def velocity_mps(self, faces: Faces) -> Array:
+        """Return the velocity (P, 3) of each corner, or the one (1, 3) of all."""
+        velocity = faces.velocity_mps[self.of]
+        return np.repeat(velocity, self.counts, axis=0) if velocity.any() else velocity[:1]
+
+
+def _put(outlines: list[Array | None], corners: _Corners, pixels: Array) -> None:
+    """Put the outlines of some faces into the list, without the corners that the lens does not see."""
     fine = bool(np.isfinite(pixels).all())
-    end = 0
-    for i, n in zip(members, counts, strict=True):
-        outline = pixels[end : end + n]
-        end += n
+    ends = np.cumsum(corners.counts).tolist()
+    for i, start, end in zip(corners.of.tolist(), [0, *ends[:-1]], ends, strict=True):
+        outline = pixels[start:end]
         if not fine:
             outline = outline[np.isfinite(outline).all(axis=1)]
         outlines[i] = outline if len(outline) >= 3 else None
 
 
-def _long(outlines: list[Array | None]) -> list[int]:
-    """Return which outlines are so long that the lens bends their edges visibly."""
-    seen = [(i, outline) for i, outline in enumerate(outlines) if outline is not None]
-    if not seen:
-        return []
-    points = np.concatenate([outline for _, outline in seen])
-    starts = np.cumsum([0, *(len(outline) for _, outline in seen[:-1])])
-    extent = np.maximum.reduceat(points, starts) - np.minimum.reduceat(points, starts)
-    return [seen[k][0] for k in np.flatnonzero(extent.max(axis=1) > _STRAIGHT_PX).tolist()]
-
-
-def _refined(world: Array, pixels: Array | None) -> Array:
-    """Return a polygon with points added along the edges that are long on the picture."""
-    assert pixels is not None
-    if len(pixels) != len(world):
-        return world
-    following = np.roll(world, -1, axis=0)
-    lengths = np.linalg.norm(np.roll(pixels, -1, axis=0) - pixels, axis=1)
-    pieces = np.clip(np.ceil(lengths / _STRAIGHT_PX), 1, 32).astype(int)
+def _refined(corners: _Corners, pixels: Array) -> _Corners:
+    """Return polygons with points added along the edges that are long on the picture; pixels: (P, 2) of the corners."""
+    points, starts = corners.points_m, corners.starts
+    following = np.arange(1, len(points) + 1)
+    following[starts + corners.counts - 1] = starts
+    lengths = np.hypot(*(pixels[following] - pixels).T)
+    pieces = np.clip(np.ceil(lengths / _STRAIGHT_PX), 1, 32).astype(np.intp)
     first = np.repeat(np.cumsum(pieces) - pieces, pieces)
     share = (np.arange(len(first)) - first) / np.repeat(pieces, pieces)
-    start = np.repeat(world, pieces, axis=0)
-    finer: Array = start + share[:, None] * (np.repeat(following, pieces, axis=0) - start)
-    return finer
+    finer = np.repeat(points, pieces, axis=0) + share[:, None] * np.repeat(points[following] - points, pieces, axis=0)
+    return _Corners(finer, np.add.reduceat(pieces, starts), corners.of)
+
+
+def _in_sight(view: View, faces: Faces) -> _Corners:
+    """Return the corners, in the world, of what the picture can show of the faces that it can show something of."""
+    if not len(faces.counts):
+        return _Corners(faces.points_m, faces.counts, faces.ids)
+    inside = view.in_camera(faces.points_m)
+    beyond, starts = _beyond(view, inside), faces.starts
+    seen = np.bitwise_and.reduceat(beyond, starts) == 0
+    some = np.bitwise_or.reduceat(beyond, starts)
+    crossed = int(np.bitwise_or.reduce(some[seen], initial=0))
+    if not crossed:
+        return _Corners(faces.points_m[np.repeat(seen, faces.counts)], faces.counts[seen], np.flatnonzero(seen))
+    crosses = seen & (some != 0)
+    whole, cut = np.flatnonzero(seen & ~crosses), np.flatnonzero(crosses)
+    each_whole, each_cut = np.repeat(seen & ~crosses, faces.counts), np.repeat(crosses, faces.counts)
+    part = _clipped(view, _Corners(inside[each_cut], faces.counts[cut], cut), crossed)
+    return _Corners(
+        np.concatenate([faces.points_m[each_whole], view.world_T_camera.apply(part.points_m)]),
+        np.concatenate([faces.counts[whole], part.counts]),
+        np.concatenate([whole, part.of]),
+    )
 
 
 @lru_cache(maxsize=4)
@@ -241,10 +259,26 @@ def _beyond(view: View, inside: Array) -> NDArray[np.int64]:
     return bits
 
 
-def _clipped(view: View, world: Array, crossed: int) -> Array:
-    """Return the part of a polygon (N, 3) of the world inside the half-spaces, by bits, that it crosses."""
-    polygon = view.world_T_camera.inverse().apply(world)
+def _clipped(view: View, corners: _Corners, crossed: int) -> _Corners:
+    """Return the parts of polygons of the camera frame inside those half-spaces, by bits, that any of them crosses."""
     for i, plane in enumerate(_planes(view)):
-        if crossed & (1 << i):
-            polygon = kept_half(polygon, polygon @ plane[:3] + plane[3])
-    return view.world_T_camera.apply(polygon) if len(polygon) >= 3 else np.zeros((0, 3))
+        if crossed & (1 << i) and len(corners.of):
+            corners = _kept(corners, corners.points_m @ plane[:3] + plane[3])
+    return corners
+
+
+def _kept(corners: _Corners, inside: Array) -> _Corners:
+    """Return the parts of polygons where `inside` (P,), linear along their edges, is not negative."""
+    points, starts = corners.points_m, corners.starts
+    previous = np.arange(-1, len(points) - 1)
+    previous[starts] = starts + corners.counts - 1
+    before, a = points[previous], inside[previous]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = before + (a / (a - inside))[:, None] * (points - before)
+    # of each edge the point where it crosses, then its end: those that exist
+    both = np.stack([crossing, points], axis=1)
+    exists = np.stack([(a < 0.0) != (inside < 0.0), inside >= 0.0], axis=1)
+    counts = np.add.reduceat(exists.sum(axis=1), starts)
+    left = counts >= 3
+    exists &= np.repeat(left, corners.counts)[:, None]
+    return _Corners(both[exists], counts[left], corners.of[left])

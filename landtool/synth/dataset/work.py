@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import hashlib
 import json
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -30,6 +32,9 @@ from landtool.synth.sample import Sample
 
 _CHUNK = 8  # pictures a process is given at a time: small, as Ctrl-C waits for them
 _WAITING = 2  # chunks ready for each process
+# mallopt(3): its parameters, the most that the first accepts, and more than any process has free
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+_LARGEST_MMAP, _NEVER_TRIM = 32 << 20, 1 << 30
 
 
 class Draw(Protocol):
@@ -153,9 +158,18 @@ def _begin() -> None:
     """Set up a process that draws: Ctrl-C is its parent's to handle, and it ends when its parent does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)
+    _keep_memory()
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _keep_memory() -> None:
+    """Ask GNU's C library to reuse the memory of pictures; to give it back and have it cleared costs a tenth."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt is not None:
+        mallopt(_MMAP_THRESHOLD, _LARGEST_MMAP)
+        mallopt(_TRIM_THRESHOLD, _NEVER_TRIM)
 
 
 def _end_with(sentinel: int) -> None:
