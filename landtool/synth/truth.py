@@ -36,8 +36,11 @@ def box_of_rim(camera: Camera, rim_px: Array, *, clip: bool = True) -> Array | N
     part = _clipped(rim_px, camera)
     if not len(part):
         return None
-    points = part if clip else rim_px
-    return np.concatenate([points.min(axis=0), points.max(axis=0)])
+    if not clip:
+        return np.concatenate([rim_px.min(axis=0), rim_px.max(axis=0)])
+    # rounding in the clipping must not carry the box over the border
+    end = np.array([camera.width, camera.height]) - 0.5
+    return np.concatenate([np.maximum(part.min(axis=0), -0.5), np.minimum(part.max(axis=0), end)])
 
 
 def visible_of_rim(camera: Camera, rim_px: Array) -> float:
