@@ -21,69 +21,95 @@ class Domain:
     Raises UsageError for a range that is reversed or holds what cannot be, and for a share outside [0, 1].
     """
 
-    # height of the camera over the pad, metres for D = 1 m, drawn evenly in its logarithm
+    # height of the camera over the pad, metres for D = 1 m (others scale), drawn evenly in its logarithm
     height_m: Range = (0.3, 30.0)
-    # optical axis against straight down
+    # angle between the optical axis and straight down
     tilt_deg: Range = (0.0, 45.0)
+    # horizontal field of view
     hfov_deg: Range = (50.0, 100.0)
-    # pictures with lens distortion, and its first coefficient
+    # share of the pictures taken through a lens that distorts
     distortion: float = 0.6
+    # its first coefficient (plumb_bob); below 0 is a barrel
     distortion_k1: Range = (-0.30, 0.08)
-    # pictures without the pad; those of them, and of the others, that show similar signs
+    # share of the pictures without the pad
     absent: float = 0.15
+    # share of those that show one to four similar signs
     signs_without_pad: float = 0.5
+    # share of the others that show one to four similar signs
     signs_with_pad: float = 0.35
-    # pads cut by the border on purpose, and the least share of a pad that is in the picture
+    # share of the pads that are cut by the picture's border on purpose
     cut: float = 0.2
+    # least share of the ring's disc that is inside the picture
     least_visible: float = 0.2
-    # pads that lie on a vehicle, on a box, on a table or deck; the rest lies on the ground
+    # share of the pads that lie on a vehicle; what is left of the three lies on the ground
     on_vehicle: float = 0.45
+    # share of the pads that lie on a box
     on_box: float = 0.15
+    # share of the pads that lie on a table or on a boat's deck
     on_deck: float = 0.10
-    # pads that are a small print: all around them is larger by a factor
+    # share of the pads that are a small print: everything around them is larger by a factor
     small_print: float = 0.15
+    # that factor, drawn evenly in its logarithm
     small_print_scale: Range = (3.0, 7.0)
-    # grounds that are photographs, of pictures made with any
+    # share of the grounds that are photographs, where `backgrounds` gives any
     photographs: float = 0.35
-    # contrast of the ground's texture, 1 as it was made
+    # contrast of the ground's texture; 1 is as it was made
     relief: Range = (0.9, 1.8)
-    # other things in the picture, bodies on the mean
+    # other bodies in the picture, 0 to 50 on the mean; never more than 14
     things: float = 4.5
-    # something on or over the pad that hides a part of it
+    # share of the pads that something on or over them hides in part
     occlusion: float = 0.12
-    # state of the print: 0 is new
+    # how dirty and scratched the print is at most: 0 is clean
     dirt: Range = (0.0, 1.0)
+    # share of the sheets on the ground whose corners curl up
     curl: float = 0.2
+    # share of the sheets that are glossy: the sun glares on them
     gloss: float = 0.25
-    # light: overcast skies, the sun's height, and how bright a white level surface is in the picture (1 saturates)
+    # share of the skies that are overcast, without shadows of the sun
     overcast: float = 0.3
+    # height of the sun over the horizon
     sun_elevation_deg: Range = (4.0, 75.0)
+    # how bright a white level surface is in the picture, 1 saturates; drawn evenly in its logarithm
     light: Range = (0.25, 2.6)
+    # loss of light in the picture's corners
     vignette: Range = (0.0, 0.35)
+    # most by which the gains of red and blue are off, 0 to 0.5; 0.12 is 12 % up or down
     white_balance: float = 0.12
-    # shadows of trees and poles that fall across the pad, and of the drone
+    # share of the pictures with the shadow of a tree or a pole on or near the pad
     shadow: float = 0.25
+    # share of the pictures with the shadow of the drone itself where the sun throws it
     drone_shadow: float = 0.3
-    # fog: its pictures, visibility (drawn evenly in its logarithm), and those with banks
+    # share of the pictures in fog
     fog: float = 0.25
+    # how far one sees in it (contrast 2 %), metres, drawn evenly in its logarithm
     visibility_m: Range = (8.0, 400.0)
+    # share of the fogs that are uneven, in banks
     fog_banks: float = 0.3
-    # camera: defocused pictures and the radius, moved ones and the length of the blur, rolling shutters
+    # share of the pictures out of focus
     defocus: float = 0.12
+    # radius of the disc a point becomes then, pixels
     defocus_px: Range = (0.5, 2.5)
+    # share of the pictures blurred by motion
     motion_blur: float = 0.3
+    # how far the median pixel of those moves while the shutter is open, pixels
     motion_blur_px: Range = (0.5, 8.0)
+    # share of the pictures whose rows are exposed one after another while the camera moves
     rolling_shutter: float = 0.25
-    # noise of a white pixel and of a black one, standard deviations of linear light
+    # noise of a white pixel: standard deviation, white is 1 in linear light
     shot_noise: Range = (0.004, 0.05)
+    # noise of a black pixel: the same
     read_noise: Range = (0.0005, 0.008)
+    # share of the pictures of one colour a pixel, the others interpolated, as most cameras take them
     bayer: float = 0.7
-    # pictures whose tone curve strays from sRGB's, in exponent, contrast and saturation
+    # share of the pictures whose tone curve strays from sRGB's: in exponent, contrast and saturation
     tone: float = 0.8
-    # pictures enlarged from a smaller one, and how much smaller that was
+    # share of the pictures that are enlarged from a smaller one
     rescaled: float = 0.12
+    # size of that smaller one
     rescale: Range = (0.45, 0.9)
+    # how strongly the camera sharpens its edges
     sharpen: Range = (0.0, 1.0)
+    # quality of the JPEG compression, 1 to 100
     jpeg_quality: Range = (55.0, 97.0)
 
     def __post_init__(self) -> None:
