@@ -95,7 +95,7 @@ def draw_scene(
         around.decals,
         around.things,
         _shades(domain, view, world_T_pad, weather.sun, scale, rng),
-        random_fog(domain, weather, rng),
+        random_fog(domain, weather, float(np.linalg.norm(viewpoint.pad_T_camera.translation)), rng),
         (float(rng.uniform(0.0, 500.0)), float(rng.uniform(0.0, 500.0))),
         uniform(rng, domain.relief),
     )

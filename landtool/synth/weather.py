@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from landtool.synth.domain import Domain, chance, log_uniform, uniform
-from landtool.synth.fog import Fog
+from landtool.synth.fog import KOSCHMIEDER, Fog
 from landtool.synth.mesh import Albedo
 from landtool.synth.scene import Sun
 
@@ -17,6 +17,8 @@ _HIGH_SUN, _LOW_SUN = np.array([0.86, 1.0, 1.06]), np.array([0.38, 0.92, 1.45])
 _BLUE_SKY, _GREY_SKY = np.array([1.45, 1.02, 0.80]), np.array([1.06, 1.0, 0.97])
 # elevation below which the light of the sun turns to that of the evening
 _EVENING_DEG = 25.0
+# beside the pad's distance: 5 % of its contrast get through
+_LEAST_VISIBILITY = KOSCHMIEDER / 3.0
 
 
 @dataclass(frozen=True)
@@ -50,15 +52,18 @@ def random_weather(domain: Domain, rng: np.random.Generator) -> Weather:
     return Weather(Sun(direction, _color(sun * sun_color), _color(share * level * sky_color), softness), level, kind)
 
 
-def random_fog(domain: Domain, weather: Weather, rng: np.random.Generator) -> Fog | None:
-    """Return the fog of a picture, or clear air; its airlight is grey and somewhat darker than white under that sky."""
+def random_fog(domain: Domain, weather: Weather, distance_m: float, rng: np.random.Generator) -> Fog | None:
+    """Return the fog of a picture, or clear air; its airlight is grey and somewhat darker than white under that sky.
+
+    distance_m: of the pad. The fog is never so thick that nothing of the pad is left to be seen.
+    """
     if not chance(rng, domain.fog):
         return None
     tint = 1.0 + rng.normal(0.0, 0.04, 3) + np.array([0.02, 0.0, -0.01])
     light = float(np.clip(weather.level * rng.uniform(0.55, 0.95), 0.05, 0.98))
     banks = float(rng.uniform(0.2, 0.9)) if chance(rng, domain.fog_banks) else 0.0
     return Fog.of_visibility(
-        log_uniform(rng, domain.visibility_m),
+        max(log_uniform(rng, domain.visibility_m), _LEAST_VISIBILITY * distance_m),
         _color(light * tint),
         bank_strength=banks,
         bank_scale_m=float(rng.uniform(4.0, 40.0)),
