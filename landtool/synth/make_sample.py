@@ -83,6 +83,7 @@ def draw_scene(
         domain, pad, Lot(view, _keep_m(carrier, pad), scale), floor, _sign_count(domain, present, rng), rng
     )
     weather = random_weather(domain, rng)
+    relief = uniform(rng, domain.relief)
     target = None
     if present:
         target = _target(domain, pad, world_T_pad, carrier, rng)
@@ -97,7 +98,7 @@ def draw_scene(
         _shades(domain, view, world_T_pad, weather.sun, scale, rng),
         random_fog(domain, weather, float(np.linalg.norm(viewpoint.pad_T_camera.translation)), rng),
         (float(rng.uniform(0.0, 500.0)), float(rng.uniform(0.0, 500.0))),
-        uniform(rng, domain.relief),
+        1.0 if around.kind == PHOTOGRAPH else relief,
     )
     view = _moving(domain, view, pad_height, rng)
     names = {

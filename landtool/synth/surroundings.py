@@ -21,9 +21,11 @@ from landtool.synth.signs import FLAT, PAINTED, random_sign
 from landtool.synth.things import CARRIERS, PROPS
 from landtool.synth.view import View
 
+PHOTOGRAPH = "photograph"
 # the seed of the grounds themselves: they are the same in every data set, and drawn once in a process
 _GROUND_SEED = 7
 _PHOTOS_KEPT = 6
+_PHOTO_SCALE = (math.log(0.6), math.log(12.0))
 # grounds on which a driver's markings lie, and how often each layout is drawn there
 _LAYOUTS = {
     "asphalt": ((markings.road, 0.4), (markings.parking_lot, 0.5), (markings.crossing, 0.4)),
@@ -64,8 +66,9 @@ def random_ground(
     """Return a ground and its name, a drawn kind or a photograph; everything on it is `scale` times as large."""
     if photos and chance(rng, domain.photographs):
         texture = _photo(photos[int(rng.integers(len(photos)))])
-        tile_m = texture.tile_m * float(rng.uniform(0.6, 1.7))
-        kind = "photograph"
+        # from a handful of gravel to a field seen from a drone: nobody knows how wide a photograph is
+        tile_m = texture.tile_m * float(np.exp(rng.uniform(*_PHOTO_SCALE)))
+        kind = PHOTOGRAPH
     else:
         kind = KINDS[int(rng.choice(len(KINDS), p=_shares()))]
         texture = ground(kind, int(rng.integers(VARIANTS)), _GROUND_SEED)
@@ -109,7 +112,7 @@ def _layout(
     regions: list[Region] = []
     things: list[Thing] = []
     layouts = [make for make, share in _LAYOUTS.get(kind, ()) if rng.random() < share][:1]
-    if kind not in ("water", "snow", "grass", "photograph"):
+    if kind not in ("water", "snow", "grass", PHOTOGRAPH):
         layouts += [make for make in (markings.stains, markings.cracks) if rng.random() < 0.5]
     turn, shift = float(rng.uniform(-math.pi, math.pi)), rng.uniform(-4.0, 4.0, 2)
     world_T_layout = Pose.from_rotvec([*shift, 0.0], [0.0, 0.0, turn])
