@@ -108,20 +108,23 @@ def _lit_on_pad(scene: Scene, view: View, target: Target, bodies: list[Mesh]) ->
     """Return the share of sunlight (H, W) that reaches the level of the pad."""
     place = target.world_T_pad.translation
     reach = max([target.pad.extent_m, *(float(np.abs(m.points_m[:, :2]).max()) for m in target.carrier)])
-    above = [m for m in bodies if _shades(m, scene.sun, place, reach)]
+    above = _shading(bodies, scene.sun, place, reach)
     depth = float(view.in_camera(place[None])[0, 2])
     return shadow.lit(view, scene.sun, above, float(place[2]), max(depth, 0.1))
 
 
-def _shades(mesh: Mesh, sun: Sun, place_m: Array, reach_m: float) -> bool:
-    """Whether a body may throw its shadow within reach of a place (3,) on a level plane."""
-    low, high = mesh.points_m.min(axis=0), mesh.points_m.max(axis=0)
-    above = float(high[2] - place_m[2])
-    if above < 0.005:
-        return False
-    fall = above * np.array(sun.direction[:2]) / max(sun.direction[2], 0.05)
-    first, last = np.minimum(low[:2], low[:2] - fall), np.maximum(high[:2], high[:2] - fall)
-    return bool((first < place_m[:2] + reach_m).all() and (last > place_m[:2] - reach_m).all())
+def _shading(bodies: list[Mesh], sun: Sun, place_m: Array, reach_m: float) -> list[Mesh]:
+    """Return the bodies that may throw their shadow within reach of a place (3,) on a level plane."""
+    if not bodies:
+        return bodies
+    points = np.concatenate([mesh.points_m for mesh in bodies])
+    starts = np.cumsum([0, *(len(mesh.points_m) for mesh in bodies[:-1])])
+    low, high = np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)
+    above = high[:, 2] - place_m[2]
+    fall = above[:, None] * np.array(sun.direction[:2]) / max(sun.direction[2], 0.05)
+    first, last = np.minimum(low[:, :2], low[:, :2] - fall), np.maximum(high[:, :2], high[:, :2] - fall)
+    near = (first < place_m[:2] + reach_m).all(axis=1) & (last > place_m[:2] - reach_m).all(axis=1)
+    return [bodies[i] for i in np.flatnonzero(near & (above >= 0.005)).tolist()]
 
 
 def _print_light(scene: Scene, view: View, target: Target, sheet: PrintLayer, lit: Map) -> Linear:

@@ -21,7 +21,7 @@ from landtool.synth.sample import Sample, Truth
 from landtool.synth.scene import Scene, Sun, Target
 from landtool.synth.sensor import Sensor
 from landtool.synth.sheet import random_sheet
-from landtool.synth.surroundings import Lot, furnish, random_ground
+from landtool.synth.surroundings import PHOTOGRAPH, Lot, furnish, random_ground
 from landtool.synth.things import CARRIERS, above_pad, drone, pole_shade, tree_shade
 from landtool.synth.truth import box_of_rim, rim_m, visible_of_rim
 from landtool.synth.view import View

@@ -33,11 +33,15 @@ class Mesh:
 
     def moved(self, a_T_b: Pose) -> Mesh:
         """Return the mesh of frame b in frame a."""
-        return replace(self, points_m=a_T_b.apply(self.points_m))
+        return self._with(a_T_b.apply(self.points_m))
 
     def stretched(self, factors: ArrayLike) -> Mesh:
         """Return the mesh with its coordinates multiplied by positive factors, (3,) or one for all."""
-        return replace(self, points_m=self.points_m * np.asarray(factors, dtype=np.float64))
+        return self._with(self.points_m * np.asarray(factors, dtype=np.float64))
+
+    def _with(self, points_m: Array) -> Mesh:
+        # as dataclasses.replace, in a fifth of its time
+        return Mesh(points_m, self.faces, self.albedo, self.closed, self.casts)
 
 
 # Meshes in the order they are painted: what lies below or behind first
@@ -46,7 +50,11 @@ Thing = tuple[Mesh, ...]
 
 def place(thing: Thing, a_T_b: Pose) -> Thing:
     """Return a thing of frame b in frame a."""
-    return tuple(mesh.moved(a_T_b) for mesh in thing)
+    if not thing:
+        return thing
+    points = a_T_b.apply(np.concatenate([mesh.points_m for mesh in thing]))
+    ends = list(itertools.accumulate(len(mesh.points_m) for mesh in thing))
+    return tuple(mesh._with(points[a:b]) for mesh, a, b in zip(thing, [0, *ends], ends, strict=False))
 
 
 def box(size_m: ArrayLike, centre_m: ArrayLike, albedo: Albedo, *, taper: float = 0.0) -> Mesh:

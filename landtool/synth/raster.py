@@ -259,6 +259,16 @@ def _beyond(view: View, inside: Array) -> NDArray[np.int64]:
     return bits
 
 
+def out_of_sight(view: View, low_m: Array, high_m: Array) -> NDArray[np.bool_]:
+    """Return whether the picture can show nothing of boxes, each between two corners (N, 3) of the world; (N,)."""
+    planes = _planes(view)
+    centre = view.in_camera((low_m + high_m) / 2.0)
+    radius = np.linalg.norm(high_m - low_m, axis=1) / 2.0
+    away = centre @ planes[:, :3].T + planes[:, 3] + radius[:, None] * np.linalg.norm(planes[:, :3], axis=1)
+    hidden: NDArray[np.bool_] = (away < 0.0).any(axis=1)
+    return hidden
+
+
 def _clipped(view: View, corners: _Corners, crossed: int) -> _Corners:
     """Return the parts of polygons of the camera frame inside those half-spaces, by bits, that any of them crosses."""
     for i, plane in enumerate(_planes(view)):

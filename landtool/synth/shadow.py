@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from landtool.geometry import Array
 from landtool.synth.mesh import Mesh
-from landtool.synth.raster import Faces, filled, on_picture, window_of
+from landtool.synth.raster import Faces, filled, on_picture, out_of_sight, window_of
 from landtool.synth.scene import Sun
 from landtool.synth.view import View
 
@@ -37,32 +37,41 @@ def lit(view: View, sun: Sun, meshes: Iterable[Mesh], z_m: float, depth_m: float
     reaching = np.ones(shape, np.float32)
     if not any(sun.sun) or sun.direction[2] < _HIGHEST_SUN_STEP:
         return reaching if any(sun.sun) else np.zeros(shape, np.float32)
-    parts: list[Faces] = []
+    casting = [mesh for mesh in meshes if mesh.casts]
+    if not casting:
+        return reaching
+    all_points, starts = _joined(casting)
+    height = np.add.reduceat(all_points[:, 2], starts) / [len(mesh.points_m) for mesh in casting] - z_m
+    # the penumbra lies as far from its caster as the light's way down, so a low sun widens it
+    width_m = sun.softness * np.maximum(height, 0.0) / sun.direction[2]
+    soft_px = np.clip(0.5 * width_m * view.camera.fx / max(depth_m, 0.1), _SHARPEST_PX, _SOFTEST_PX)
+    of_mesh = np.rint(2.0 * np.log2(soft_px)).astype(int).tolist()
+    polygons: list[NDArray[np.float32]] = []
     levels: list[int] = []
-    for mesh in meshes:
-        if mesh.casts:
-            fallen = _fallen(mesh, sun, z_m)
-            if fallen is not None:
-                parts.append(fallen)
-                level = round(2.0 * math.log2(_softness_px(view, sun, mesh, z_m, depth_m)))
-                levels += [level] * len(fallen.counts)
-    _darken(reaching, view, Faces.joined(parts), levels, {level: 2.0 ** (level / 2.0) for level in levels}, _LEFT)
+    for i, fallen in _fallen(view, sun, casting, all_points, starts, z_m):
+        polygons += fallen
+        levels += [of_mesh[i]] * len(fallen)
+    sigmas = {level: 2.0 ** (level / 2.0) for level in levels}
+    _darken(reaching, view, _level(polygons, z_m), levels, sigmas, _LEFT)
     return reaching
 
 
 def openness(view: View, meshes: Iterable[Mesh], depth_m: float) -> Share:
     """Return the share (H, W) of the sky's light that reaches the ground beside bodies that stand on it."""
-    polygons: list[Array] = []
-    levels: list[int] = []
-    for mesh in meshes:
-        low, high = mesh.points_m[:, 2].min(), mesh.points_m[:, 2].max()
-        if mesh.closed and low < 0.6 and high > 0.03:
-            hull = cv2.convexHull(mesh.points_m[:, :2].astype(np.float32)).reshape(-1, 2)
-            reach_px = _DIM_REACH * high * view.camera.fx / max(depth_m, 0.1)
-            polygons.append(np.column_stack([hull, np.zeros(len(hull))]))
-            levels.append(round(math.log2(float(np.clip(reach_px, 1.0, _SOFTEST_PX)))))
     free = np.ones((view.camera.height, view.camera.width), np.float32)
-    _darken(free, view, Faces.of(polygons), levels, {level: 2.0**level for level in levels}, _LEFT_OF_SKY)
+    closed = [mesh for mesh in meshes if mesh.closed]
+    if not closed:
+        return free
+    points, starts = _joined(closed)
+    low, high = np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)
+    reach_px = _DIM_REACH * high[:, 2] * view.camera.fx / max(depth_m, 0.1)
+    of_mesh = np.rint(np.log2(np.clip(reach_px, 1.0, _SOFTEST_PX))).astype(int)
+    low[:, 2], standing = 0.0, (low[:, 2] < 0.6) & (high[:, 2] > 0.03)
+    high[:, 2] = 0.0
+    seen = np.flatnonzero(standing & ~out_of_sight(view, low, high)).tolist()
+    polygons = [_hull(closed[i].points_m[:, :2].astype(np.float32)) for i in seen]
+    levels = of_mesh[seen].tolist()
+    _darken(free, view, _level(polygons, 0.0), levels, {level: 2.0**level for level in levels}, _LEFT_OF_SKY)
     return free
 
 
@@ -92,37 +101,53 @@ def softened(mask: NDArray[np.uint8], sigma_px: float) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(blurred, (width, height), interpolation=cv2.INTER_LINEAR), dtype=np.uint8)
 
 
-def _softness_px(view: View, sun: Sun, mesh: Mesh, z_m: float, depth_m: float) -> float:
-    height = max(float(mesh.points_m[:, 2].mean()) - z_m, 0.0)
-    # the penumbra lies as far from its caster as the light's way down, so a low sun widens it
-    width_m = sun.softness * height / sun.direction[2]
-    px = 0.5 * width_m * view.camera.fx / max(depth_m, 0.1)
-    return float(np.clip(px, _SHARPEST_PX, _SOFTEST_PX))
+def _joined(meshes: Sequence[Mesh]) -> tuple[Array, NDArray[np.intp]]:
+    """Return the points (P, 3) of all meshes and where those of each one start."""
+    counts = np.array([len(mesh.points_m) for mesh in meshes], np.intp)
+    return np.concatenate([mesh.points_m for mesh in meshes]), np.cumsum(counts) - counts
 
 
-def _fallen(mesh: Mesh, sun: Sun, z_m: float) -> Faces | None:
-    """Return the shadow that a mesh throws on the plane at height z_m, None when it throws none."""
-    above = np.maximum(mesh.points_m[:, 2] - z_m, 0.0)
-    if not above.any():
-        return None
-    thrown = _thrown(mesh.points_m, above, sun, z_m)
-    if not mesh.closed:
-        counts = np.array([len(face) for face in mesh.faces], np.intp)
-        resting = np.zeros((len(counts), 3))
-        return Faces(thrown[np.concatenate(mesh.faces)], counts, np.ones(len(counts), np.intp), resting)
-    if not above.all():
-        # what lies under the plane is cut off there, roughly: below each point above it
-        upper = above > 0.0
-        thrown = np.concatenate([thrown[upper], _thrown(mesh.points_m[upper], 0.0 * above[upper], sun, z_m)])
-    hull = cv2.convexHull(thrown[:, :2].astype(np.float32)).reshape(-1, 2).astype(np.float64)
-    return Faces.of([np.column_stack([hull, np.full(len(hull), z_m)])]) if len(hull) >= 3 else None
+def _hull(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.asarray(cv2.convexHull(points), dtype=np.float32).reshape(-1, 2)
 
 
-def _thrown(points: Array, above: Array, sun: Sun, z_m: float) -> Array:
-    """Return points (N, 3) moved along the sun's rays down to the plane."""
+def _level(polygons: Sequence[NDArray[np.float32]], z_m: float) -> Faces:
+    """Return polygons (N, 2) as faces at a height."""
+    counts = np.array([len(polygon) for polygon in polygons], np.intp)
+    points = np.full((int(counts.sum()), 3), z_m)
+    if len(counts):
+        points[:, :2] = np.concatenate(polygons)
+    return Faces(points, counts, np.ones(len(counts), np.intp), np.zeros((len(counts), 3)))
+
+
+def _fallen(
+    view: View, sun: Sun, meshes: Sequence[Mesh], points: Array, starts: NDArray[np.intp], z_m: float
+) -> Iterator[tuple[int, list[NDArray[np.float32]]]]:
+    """Yield which meshes throw a shadow on the plane at height z_m that may be seen, and its polygons (N, 2).
+
+    points, starts: as from `_joined`.
+    """
     x, y, z = sun.direction
-    thrown = np.empty_like(points)
-    thrown[:, 0] = points[:, 0] - above * (x / z)
-    thrown[:, 1] = points[:, 1] - above * (y / z)
-    thrown[:, 2] = z_m
-    return thrown
+    above = np.maximum(points[:, 2] - z_m, 0.0)
+    thrown = points[:, :2] - above[:, None] * (x / z, y / z)
+    # with what lies under the plane, for a body that is cut there
+    low = np.minimum.reduceat(np.minimum(thrown, points[:, :2]), starts)
+    high = np.maximum.reduceat(np.maximum(thrown, points[:, :2]), starts)
+    unseen = out_of_sight(view, *(np.insert(corner, 2, z_m, axis=1) for corner in (low, high)))
+    seen = ~unseen & (np.maximum.reduceat(above, starts) > 0.0)
+    whole = np.minimum.reduceat(above, starts) > 0.0
+    thrown32, foot = thrown.astype(np.float32), points[:, :2].astype(np.float32)
+    for i in np.flatnonzero(seen).tolist():
+        mesh, start = meshes[i], int(starts[i])
+        own = slice(start, start + len(mesh.points_m))
+        if not mesh.closed:
+            yield i, [thrown32[own][face] for face in mesh.faces]
+            continue
+        part = thrown32[own]
+        if not whole[i]:
+            # what lies under the plane is cut off there, roughly: below each point above it
+            upper = above[own] > 0.0
+            part = np.concatenate([part[upper], foot[own][upper]])
+        hull = _hull(part)
+        if len(hull) >= 3:
+            yield i, [hull]

@@ -119,27 +119,30 @@ class _Build:
         if not thing:
             return
         points = np.concatenate([mesh.points_m for mesh in thing])
-        shifts = np.cumsum([0, *(len(mesh.points_m) for mesh in thing)])
-        corners = [face + shift for mesh, shift in zip(thing, shifts, strict=False) for face in mesh.faces]
-        closed = np.repeat([mesh.closed for mesh in thing], [len(mesh.faces) for mesh in thing])
-        a, b, c = (points[[face[i] for face in corners]] for i in range(3))
+        shifts = np.cumsum([0, *(len(mesh.points_m) for mesh in thing[:-1])])
+        per_mesh = [len(mesh.faces) for mesh in thing]
+        corners = [face for mesh in thing for face in mesh.faces]
+        counts = np.array([len(face) for face in corners], np.intp)
+        flat = np.concatenate(corners) + np.repeat(np.repeat(shifts, per_mesh), counts)
+        first = np.cumsum(counts) - counts
+        a, b, c = (points[flat[first + i]] for i in range(3))
         normals = _cross(b - a, c - a)
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         offsets = ((a - self._eye) * normals).sum(axis=1)
-        seen = np.flatnonzero((offsets < 0.0) | ~closed)
-        if not len(seen):
+        seen = (offsets < 0.0) | np.repeat([not mesh.closed for mesh in thing], per_mesh)
+        count = int(seen.sum())
+        if not count:
             return
         # a loose face shows the side that is turned to the camera
         flip = np.where(offsets > 0.0, -1.0, 1.0)
-        shown = [corners[i] for i in seen]
-        counts = np.array([len(face) for face in shown], np.intp)
-        ids = self._next + np.arange(len(seen))
-        self._faces.append(Faces(points[np.concatenate(shown)], counts, ids, np.tile(velocity, (len(seen), 1))))
+        shown = points[flat[np.repeat(seen, counts)]]
+        ids = self._next + np.arange(count)
+        self._faces.append(Faces(shown, counts[seen], ids, np.tile(velocity, (count, 1))))
         self._normals.append((normals * flip[:, None])[seen])
         self._offsets.append((offsets * flip)[seen])
         self._albedo.append(np.concatenate([mesh.albedo for mesh in thing])[seen])
-        self._platform.append(np.full(len(seen), platform))
-        self._next += len(seen)
+        self._platform.append(np.full(count, platform))
+        self._next += count
 
     def surfaces(self, decals: dict[int, Decal]) -> Surfaces:
         """Return everything collected."""
