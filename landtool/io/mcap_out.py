@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from av.video.codeccontext import VideoCodecContext
 from av.video.frame import PictureType, VideoFrame
-from av.video.reformatter import VideoReformatter
+from av.video.reformatter import Interpolation, VideoReformatter
 from mcap.writer import CompressionType, Writer
 
 from landtool import __version__
@@ -182,8 +182,14 @@ class _H264Encoder:
         if image.shape[1::-1] != self._size:
             raise UsageError("h264 cannot change the picture size on the way", hint="write the pictures as jpeg")
         picture = VideoFrame.from_ndarray(np.ascontiguousarray(image), format="bgr24")
+        # Without accurate rounding every conversion darkens by up to two levels.
         frame = self._reformatter.reformat(
-            picture, format="yuv420p", dst_colorspace=_BT709, dst_color_range=_LIMITED, threads=1
+            picture,
+            format="yuv420p",
+            dst_colorspace=_BT709,
+            dst_color_range=_LIMITED,
+            interpolation=Interpolation.BILINEAR | Interpolation.ACCURATE_RND,
+            threads=1,
         )
         self._pts = max(self._pts + 1, t_ns // 1000)
         frame.pts, frame.time_base = self._pts, self._context.time_base

@@ -69,10 +69,10 @@ class Flight:
 
     def _place(self, t_s: float) -> tuple[int, float]:
         """Return the step in which a time lies, and its share of the step."""
-        steps = (t_s - self.start_s) / STEP_S
-        if not 0.0 <= steps <= len(self.yaws_rad) - 1:
+        steps, last = (t_s - self.start_s) / STEP_S, len(self.yaws_rad) - 1
+        if not -1e-6 <= steps <= last + 1e-6:
             raise ValueError(f"{t_s} s is outside the flight of {self.start_s} to {self.end_s} s")
-        i = min(int(steps), len(self.yaws_rad) - 2)
+        i = min(max(int(steps), 0), last - 1)
         return i, steps - i
 
 

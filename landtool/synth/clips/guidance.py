@@ -115,9 +115,12 @@ def _knowledge(motion: PlatformMotion, approach: Approach, t: Array, rng: np.ran
     over, sinking, braking = _heights(approach, t)
     velocity = moving[:, 0] + 1j * moving[:, 1]
     acceleration = np.gradient(velocity, STEP_S)
+    # p + v d + a d^2 / 2, v + a d
+    ahead = _DELAY_S * velocity + 0.5 * _DELAY_S**2 * acceleration
+    velocity = velocity + _DELAY_S * acceleration
     # far away the pad is known less well
     error, drift = (_level_noise(len(t), scale_s, rng) for scale_s in (1.0, 0.5))
-    place = seen[:, 0] + 1j * seen[:, 1] + _DELAY_S * velocity + error * (0.015 + 0.006 * over)
+    place = seen[:, 0] + 1j * seen[:, 1] + ahead + error * (0.015 + 0.006 * over)
     aside = rng.uniform(0.03, 0.12) * approach.height_start_m * np.exp(1j * rng.uniform(0.0, 2.0 * np.pi))
     coming = Curve(1.0, ramps=(Ramp(0.0, 0.65 * approach.duration_s, -1.0),))
     up, up_velocity = _followed(seen[:, 2], moving[:, 2])

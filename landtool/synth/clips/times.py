@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 
 import numpy as np
@@ -20,7 +21,8 @@ def frame_times_ns(fps: Fraction, duration_s: float, rng: np.random.Generator | 
     rng: for a variable rate: uneven steps and dropped frames, in whole microseconds so that a video can hold them. None
     for stamps at n / fps.
     """
-    count = max(1, int(Fraction(duration_s) * fps))
+    # the decimal that was asked for, not the float beside it
+    count = max(1, math.ceil(Fraction(str(duration_s)) * fps))
     if rng is None:
         return [round(Fraction(n * NS) / fps) for n in range(count)]
     period_us = float(1_000_000 / fps)

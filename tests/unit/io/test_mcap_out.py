@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -17,7 +18,7 @@ from landtool.camera import Camera
 from landtool.errors import UsageError
 from landtool.geometry import Pose
 from landtool.io.mcap import McapSource, describe_mcap
-from landtool.io.mcap_build import McapSchema
+from landtool.io.mcap_build import McapSchema, Motion, Transform
 from landtool.io.mcap_out import McapEncoding, McapImageWriter
 from landtool.io.mcap_poses import read_poses
 from landtool.types import Frame
@@ -215,3 +216,98 @@ def test_an_error_inside_leaves_no_open_file_and_passes_on(tmp_path: Path) -> No
     ):
         raise RuntimeError("stop")
     assert writer._file.closed
+
+
+MOTION = Motion(
+    "map",
+    "base_link",
+    Pose.from_quaternion((1.0, 2.0, 3.0), (0.5, 0.5, -0.5, 0.5)),
+    (0.1, 0.2, 0.3, 0.4, 0.5, 0.6),
+    (1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
+    (7.0, 8.0, 9.0, 10.0, 11.0, 12.0),
+)
+
+
+def xyz(value: Any) -> tuple[float, float, float]:
+    return value.x, value.y, value.z
+
+
+def wxyz(value: Any) -> tuple[float, ...]:
+    return value.w, value.x, value.y, value.z
+
+
+@pytest.mark.parametrize("schema", SCHEMAS)
+def test_odometry_as_others_read_it(tmp_path: Path, schema: McapSchema) -> None:
+    with McapImageWriter(
+        tmp_path / "a.mcap", schema=schema, topic="/c", frame_id="", camera=None, encoding="raw"
+    ) as log:
+        log.write_odometry("/odometry", START_NS, MOTION)
+    [(kind, channel, record, message)] = decoded(tmp_path / "a.mcap")
+    assert (channel.topic, record.log_time) == ("/odometry", START_NS)
+    if schema == "ros2":
+        assert kind.name == "nav_msgs/msg/Odometry"
+        assert (message.header.frame_id, message.child_frame_id) == ("map", "base_link")
+        assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == START_NS
+        pose, covariance = message.pose.pose, message.pose.covariance
+        linear, angular, spread = message.twist.twist.linear, message.twist.twist.angular, message.twist.covariance
+    else:
+        assert kind.name == "foxglove.Odometry"
+        assert (message.frame_id, message.body_frame_id) == ("map", "base_link")
+        assert message.timestamp.seconds * 10**9 + message.timestamp.nanos == START_NS
+        pose, covariance = message.pose, message.pose_covariance
+        linear, angular, spread = message.linear_velocity, message.angular_velocity, message.velocity_covariance
+    assert xyz(pose.position) == (1.0, 2.0, 3.0)
+    assert wxyz(pose.orientation) == pytest.approx((0.5, 0.5, -0.5, 0.5))
+    assert (*xyz(linear), *xyz(angular)) == MOTION.twist
+    assert np.array(covariance).reshape(6, 6).tolist() == np.diag(MOTION.pose_variances).tolist()
+    assert np.array(spread).reshape(6, 6).tolist() == np.diag(MOTION.twist_variances).tolist()
+
+
+@pytest.mark.parametrize("schema", SCHEMAS)
+def test_transforms_as_others_read_them(tmp_path: Path, schema: McapSchema) -> None:
+    edges = [Transform("map", "base_link", MOTION.pose), Transform("base_link", "camera", MOTION.pose.inverse())]
+    with McapImageWriter(
+        tmp_path / "a.mcap", schema=schema, topic="/c", frame_id="", camera=None, encoding="raw"
+    ) as log:
+        log.write_transforms("/tf", START_NS, edges)
+    [(kind, _, _, message)] = decoded(tmp_path / "a.mcap")
+    assert kind.name == {"ros2": "tf2_msgs/msg/TFMessage", "foxglove": "foxglove.FrameTransforms"}[schema]
+    for given, read in zip(edges, message.transforms, strict=True):
+        if schema == "ros2":
+            frames, inner = (read.header.frame_id, read.child_frame_id), read.transform
+            stamp_ns = read.header.stamp.sec * 10**9 + read.header.stamp.nanosec
+        else:
+            frames, inner = (read.parent_frame_id, read.child_frame_id), read
+            stamp_ns = read.timestamp.seconds * 10**9 + read.timestamp.nanos
+        assert (frames, stamp_ns) == ((given.parent, given.child), START_NS)
+        assert xyz(inner.translation) == pytest.approx(given.pose.translation)
+        assert wxyz(inner.rotation) == pytest.approx(given.pose.quaternion_wxyz)
+    read_back = read_poses(tmp_path / "a.mcap", "/tf:map->base_link")
+    assert [t_ns for t_ns, _ in read_back] == [START_NS]
+
+
+def test_ros2_odometry_is_a_drones_own_pose(tmp_path: Path) -> None:
+    with McapImageWriter(
+        tmp_path / "a.mcap", schema="ros2", topic="/c", frame_id="", camera=None, encoding="raw"
+    ) as log:
+        log.write_odometry("/odometry", START_NS, MOTION)
+    [(t_ns, pose)] = read_poses(tmp_path / "a.mcap", "/odometry")
+    assert t_ns == START_NS
+    assert pose.translation == pytest.approx((1.0, 2.0, 3.0))
+    assert pose.angle_to(MOTION.pose) < 1e-9
+
+
+@pytest.mark.parametrize("grey", [False, True])
+def test_h264_keeps_the_brightness(tmp_path: Path, grey: bool) -> None:
+    """The stream's luma is BT.709's; FFmpeg's default rounding makes it half a level darker."""
+    blocks = np.random.default_rng(0).integers(20, 236, (6, 8, 1 if grey else 3), np.uint8)
+    picture = np.ascontiguousarray(np.kron(np.broadcast_to(blocks, (6, 8, 3)), np.ones((32, 32, 1), np.uint8)))
+    path = tmp_path / "a.mcap"
+    with McapImageWriter(path, schema="foxglove", topic="/v", frame_id="", camera=None, encoding="h264") as writer:
+        writer.write(Frame(0, START_NS, picture))
+    [(_, _, _, message)] = decoded(path)
+    context = av.CodecContext.create("h264", "r")
+    [frame] = [*context.decode(av.Packet(message.data)), *context.decode(None)]  # type: ignore[attr-defined]
+    luma = frame.to_ndarray()[:192]
+    exact = 16.0 + 219.0 / 255.0 * (picture @ np.array([0.0722, 0.7152, 0.2126]))
+    assert abs(exact.mean() - luma.mean()) < 0.25
