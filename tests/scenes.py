@@ -40,3 +40,15 @@ def photograph(
     ground = np.full((camera.height, camera.width, 3), 0.2, np.float32)
     scene = light * render_pad(camera, camera_T_pad, pad, background=ground)
     return encode(scene, blur_sigma_px=blur_px, noise_sigma=grey_noise / _GREY_SHARE, rng=rng)
+
+
+def mirrored(estimate: Pose, truth: Pose) -> bool:
+    """Whether a pose's normal is nearer to the mirror image of the true one, about the line of sight, than to it.
+
+    Where the two are less than 4 degrees apart they are one within the noise.
+    """
+    sight = truth.translation / np.linalg.norm(truth.translation)
+    normal, found = truth.rotation[:, 2], estimate.rotation[:, 2]
+    mirror = 2.0 * (normal @ sight) * sight - normal
+    apart = np.degrees(np.arccos(np.clip(normal @ mirror, -1.0, 1.0)))
+    return bool(apart > 4.0 and found @ mirror > found @ normal)

@@ -1,4 +1,7 @@
-"""The pad as a camera sees it: every pixel is the mean of the light over its area.
+"""The pad as a camera sees it, exactly: every pixel is the mean of the light over its area.
+
+The slow reference: tests and benchmarks measure the generator and the tag reader against it, and the pictures of the
+pages are drawn with it. The generator itself draws by `compose`.
 
 Images here are (H, W, 3) float32 linear light in [0, 1], blue first, until `encode` makes 8-bit pictures of them.
 """
@@ -18,7 +21,8 @@ from landtool.camera import Camera
 from landtool.errors import UsageError
 from landtool.geometry import Array, Pose
 from landtool.pad import PadSpec
-from landtool.synth.texture import PadTexture, PlaneTexture, pad_texture
+from landtool.synth.texture import PadTexture, pad_texture
+from landtool.synth.truth import sees_upper_side
 from landtool.types import Image
 
 Linear = NDArray[np.float32]
@@ -56,7 +60,7 @@ def render_pad(
     if box is None:
         return image
     samples = _sample_count(box, supersample)
-    layer = sample_plane(camera, camera_T_pad, texture, box, samples)
+    layer = _sample_pad(camera, camera_T_pad, texture, box, samples)
     x0, y0, x1, y1 = box
     window = image[y0:y1, x0:x1]
     window *= 1.0 - layer[:, :, 3:]
@@ -89,26 +93,20 @@ def encode(
     return picture
 
 
-def sees_upper_side(camera_T_plane: Pose) -> bool:
-    """Return whether the camera's centre is above the plane z = 0, where its z axis points."""
-    return bool(camera_T_plane.rotation[:, 2] @ camera_T_plane.translation < 0.0)
+def _sample_pad(camera: Camera, camera_T_pad: Pose, texture: PadTexture, box: Box, samples: int) -> Linear:
+    """Return what the camera sees of a pad's upper side, inside a box of the image.
 
-
-def sample_plane(camera: Camera, camera_T_plane: Pose, texture: PlaneTexture, box: Box, samples: int) -> Linear:
-    """Return what the camera sees of a texture on a plane's upper side, inside a box of the image.
-
-    samples: a pixel, one of the Fibonacci numbers. Returns (h, w, C) float32 with the texture's channels, zero where
-    it is not seen.
+    samples: a pixel, one of the Fibonacci numbers. Returns (h, w, 4) float32 premultiplied light and coverage, zero
+    where it is not seen.
     """
     x0, y0, x1, y1 = box
     out = np.zeros((y1 - y0, x1 - x0, texture.levels[0].shape[2]), np.float32)
-    if not sees_upper_side(camera_T_plane):
+    if not sees_upper_side(camera_T_pad):
         return out
     flat_out = out.reshape(-1, out.shape[2])
-    at, corners = _pixels_seeing(camera, camera_T_plane, texture, box)
-    if texture.busy:
-        flat = _fill_flat(flat_out, texture, at, corners)
-        at, corners = at[~flat], np.compress(~flat, corners, axis=2)
+    at, corners = _pixels_seeing(camera, camera_T_pad, texture, box)
+    flat = _fill_flat(flat_out, texture, at, corners)
+    at, corners = at[~flat], np.compress(~flat, corners, axis=2)
     # texels about as wide as the samples are apart: finer ones would alias, coarser ones blur
     spacing = _footprint(corners) / math.sqrt(samples)
     level = np.clip(np.floor(np.log2(np.maximum(spacing, 1e-9))), 0, len(texture.levels) - 1).astype(int)
@@ -187,9 +185,7 @@ def _widest(camera: Camera) -> float:
     return float(np.sqrt(np.nanmax((pixel_corner_rays(camera) ** 2).sum(axis=2))))
 
 
-def _pixels_seeing(
-    camera: Camera, camera_T_plane: Pose, texture: PlaneTexture, box: Box
-) -> tuple[NDArray[np.intp], Array]:
+def _pixels_seeing(camera: Camera, camera_T_pad: Pose, texture: PadTexture, box: Box) -> tuple[NDArray[np.intp], Array]:
     """Return the P pixels of a box that see the texture, as places in the flattened box, and their corners.
 
     The corners (4, 2, P), left to right, top to bottom, are columns and rows of level 0.
@@ -197,8 +193,8 @@ def _pixels_seeing(
     x0, y0, x1, y1 = box
     rays = pixel_corner_rays(camera)[y0 : y1 + 1, x0 : x1 + 1]
     # (x/z, y/z, 1) ~ [r1 r2 t] (X, Y, 1), so its inverse gives (X, Y, 1) / depth: positive in front of the camera
-    rotation, t = camera_T_plane.rotation, camera_T_plane.translation
-    texel_H_ray = texture.texel_T_plane @ np.linalg.inv(np.column_stack([rotation[:, :2], t]))
+    rotation, t = camera_T_pad.rotation, camera_T_pad.translation
+    texel_H_ray = texture.texel_T_pad @ np.linalg.inv(np.column_stack([rotation[:, :2], t]))
     x, y = rays[:, :, 0], rays[:, :, 1]
     column, row, inverse_depth = (h[0] * x + h[1] * y + h[2] for h in texel_H_ray)
     front = inverse_depth > 1e-9
@@ -206,8 +202,7 @@ def _pixels_seeing(
         nodes = np.stack([column, row]) / np.where(front, inverse_depth, np.nan)
     four = np.stack([nodes[:, :-1, :-1], nodes[:, :-1, 1:], nodes[:, 1:, :-1], nodes[:, 1:, 1:]]).reshape(4, 2, -1)
     low, high = four.min(axis=0), four.max(axis=0)  # NaN where a corner sees nothing
-    n = np.inf if texture.repeats else texture.levels[0].shape[0]
-    at = np.flatnonzero(((high > (-np.inf if texture.repeats else -1.0)) & (low < n)).all(axis=0))
+    at = np.flatnonzero(((high > -1.0) & (low < texture.levels[0].shape[0])).all(axis=0))
     return at, np.take(four, at, axis=2)
 
 
@@ -218,7 +213,7 @@ def _footprint(corners: Array) -> Array:
     return footprint
 
 
-def _fill_flat(flat_out: Linear, texture: PlaneTexture, at: NDArray[np.intp], corners: Array) -> NDArray[np.bool_]:
+def _fill_flat(flat_out: Linear, texture: PadTexture, at: NDArray[np.intp], corners: Array) -> NDArray[np.bool_]:
     """Fill the pixels that see one colour only, and return which (P,): most of a large pad needs no sampling."""
     reach = (corners.max(axis=0) - corners.min(axis=0)).max(axis=0)
     centre = corners.mean(axis=0)
@@ -235,14 +230,11 @@ def _fill_flat(flat_out: Linear, texture: PlaneTexture, at: NDArray[np.intp], co
     return flat
 
 
-def _mean_light(texture: PlaneTexture, level: int, corners: Array, samples: int) -> Linear:
+def _mean_light(texture: PadTexture, level: int, corners: Array, samples: int) -> Linear:
     """Return the mean light (P, C) over pixels given by their corners (4, 2, P) in texels of level 0."""
     picture = texture.levels[level]
     corners = (corners + 0.5) / 2.0**level - 0.5
-    if texture.repeats:
-        corners = corners - np.floor(corners[0] / len(picture)) * len(picture)
     column, row = (sample_weights(samples) @ corners[:, i].astype(np.float32) for i in (0, 1))
-    border = cv2.BORDER_WRAP if texture.repeats else cv2.BORDER_CONSTANT
-    light = cv2.remap(picture, column, row, cv2.INTER_LINEAR, borderMode=border)
+    light = cv2.remap(picture, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
     mean = np.asarray(cv2.reduce(light, 0, cv2.REDUCE_AVG, dtype=cv2.CV_32F), dtype=np.float32)
     return mean.reshape(-1, picture.shape[2]) / np.float32(65535.0)

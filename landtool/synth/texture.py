@@ -1,4 +1,4 @@
-"""Plane textures in linear light: the pad's own picture with exact coverage at every edge, and its mip pyramid."""
+"""Textures in linear light: the pad's own picture with exact coverage at every edge, and its mip pyramid."""
 
 from __future__ import annotations
 
@@ -29,32 +29,25 @@ _SAGITTA = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneTexture:
-    """A picture on a plane, centred on the plane frame's origin: its columns run along -y, its rows along -x.
+class PadTexture:
+    """A pad's picture, centred on the pad frame's origin: its columns run along -y, its rows along -x.
 
-    levels[i]: (n_i, n_i, C) uint16, linear light (65535 is white), blue first; C = 3, or 4 with coverage (then the
-    colours are premultiplied). Each level averages 2x2 texels of the one before. texel_m: edge of a texel of level 0.
-    busy[i]: (n_i, n_i), False where a texel and all around it, in all finer levels too, are one colour; or empty.
-    repeats: whether the picture tiles the plane.
+    levels[i]: (n_i, n_i, 4) uint16, linear light (65535 is white), blue first, premultiplied, and coverage: nothing is
+    outside what is printed. Each level averages 2x2 texels of the one before. texel_m: edge of a texel of level 0.
+    busy[i]: (n_i, n_i), False where a texel and all around it, in all finer levels too, are one colour. extent_m: of
+    the printed square.
     """
 
     levels: tuple[Texels, ...]
     texel_m: float
-    busy: tuple[Mask, ...] = ()
-    repeats: bool = False
+    busy: tuple[Mask, ...]
+    extent_m: float
 
     @property
-    def texel_T_plane(self) -> Array:
-        """The homography (3, 3) from metres (x, y, 1) on the plane to level 0's (column, row, 1), integer centres."""
+    def texel_T_pad(self) -> Array:
+        """The homography (3, 3) from metres (x, y, 1) on the pad to level 0's (column, row, 1), integer centres."""
         half, scale = self.levels[0].shape[0] / 2.0 - 0.5, 1.0 / self.texel_m
         return np.array([[0.0, -scale, half], [-scale, 0.0, half], [0.0, 0.0, 1.0]])
-
-
-@dataclass(frozen=True, eq=False)
-class PadTexture(PlaneTexture):
-    """A pad's picture with four channels; nothing is outside what is printed. `extent_m`: its printed square."""
-
-    extent_m: float = 0.0
 
 
 @lru_cache(maxsize=4)
@@ -68,7 +61,7 @@ def pad_texture(pad: PadSpec) -> PadTexture:
         light = np.append(srgb_decode(np.array(color[::-1]) / 255.0), 1.0)
         _paint(picture, list(group), light, texel_m)
     levels = pyramid(picture)
-    return PadTexture(levels, texel_m, _busy(levels), extent_m=pad.extent_m)
+    return PadTexture(levels, texel_m, _busy(levels), pad.extent_m)
 
 
 @dataclass(frozen=True, eq=False)

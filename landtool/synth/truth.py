@@ -8,9 +8,13 @@ from landtool.camera import Camera
 from landtool.errors import UsageError
 from landtool.geometry import Array, Pose
 from landtool.pad import PadSpec, PadTag
-from landtool.synth.render import sees_upper_side
 
 _RIM_POINTS = 720
+
+
+def sees_upper_side(camera_T_plane: Pose) -> bool:
+    """Return whether the camera's centre is above the plane z = 0, where its z axis points."""
+    return bool(camera_T_plane.rotation[:, 2] @ camera_T_plane.translation < 0.0)
 
 
 def tag_corners_px(camera: Camera, camera_T_pad: Pose, pad: PadSpec, tag: PadTag) -> Array:

@@ -18,10 +18,10 @@ from landtool.io.calibration import write_camera
 from landtool.io.mcap_out import McapImageWriter
 from landtool.io.video_out import VideoWriter
 from landtool.pad import PadSpec
-from landtool.synth.motion import Approach
 from landtool.synth.render import encode, render_pad
 from landtool.synth.texture import pad_texture
 from landtool.types import Frame, Image
+from tests.approach import Approach
 
 CAMERA = Camera(320, 240, 300.0, 300.0, 161.0, 118.0)
 APPROACH = Approach(duration_s=1.0, height_start_m=2.5, height_end_m=2.0, speed_mps=1.0, sway_rad=0.03)

@@ -5,32 +5,19 @@ import math
 import numpy as np
 import pytest
 
-from landtool.geometry import Pose
 from landtool.io.poses import STRAIGHT_DOWN
 from landtool.pad import PadSpec
-from landtool.synth.motion import Approach
 from landtool.tags.reader import ReaderConfig, TagReader
 from landtool.tags.stage import TagStage
 from landtool.types import Frame
-from tests.scenes import CAMERA, PAD, photograph, view
+from tests.approach import Approach
+from tests.scenes import CAMERA, PAD, mirrored, photograph, view
 
 FPS = 30
 
 
 def stage(pad: PadSpec = PAD) -> TagStage:
     return TagStage(TagReader(ReaderConfig.of_pad(pad)), pad, CAMERA, STRAIGHT_DOWN)
-
-
-def mirrored(estimate: Pose, truth: Pose) -> bool:
-    """Whether a pose's normal is nearer to the mirror image of the true one, about the line of sight, than to it.
-
-    Where the two are less than 4 degrees apart they are one within the noise.
-    """
-    sight = truth.translation / np.linalg.norm(truth.translation)
-    normal, found = truth.rotation[:, 2], estimate.rotation[:, 2]
-    mirror = 2.0 * (normal @ sight) * sight - normal
-    apart = np.degrees(np.arccos(np.clip(normal @ mirror, -1.0, 1.0)))
-    return bool(apart > 4.0 and found @ mirror > found @ normal)
 
 
 def flips(frames: int, seed: int, pad: PadSpec = PAD) -> tuple[int, int]:
