@@ -35,7 +35,7 @@ def flow_grid(view: View, plane_z_m: float, velocity_mps: ArrayLike = (0.0, 0.0,
     shape = (len(down), len(across), 2)
     if view.exposure_s == 0.0:
         return np.zeros(shape, np.float32)
-    rays = np.stack([ray[np.ix_(down, across)] for ray in view.rays], axis=-1).reshape(-1, 3).astype(np.float64)
+    rays = np.stack(view.rays_at(down, across), axis=-1).reshape(-1, 3).astype(np.float64)
     t = np.repeat(view.row_time_s(down.astype(np.float64)), len(across))
     origin = view.world_T_camera.translation + t[:, None] * view.velocity_mps
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -166,7 +166,7 @@ def _colored(shares: NDArray[np.uint8], sheet: Sheet) -> NDArray[np.float32]:
     paper = np.array(sheet.paper)
     inks = [np.array(ink) - paper for ink in (sheet.ring, sheet.ink, sheet.black)]
     mixing = np.column_stack([*inks, paper]).astype(np.float32) / np.float32(255.0)
-    albedo = np.asarray(cv2.transform(shares.astype(np.float32), mixing), dtype=np.float32)
+    albedo: NDArray[np.float32] = shares.astype(np.float32) @ mixing.T
     # where the print ends inside a pixel, only its own part counts here: how much it covers is the painter's to say
     rim = shares[:, :, 3] < 255
     printed = shares[rim][:, 3:].astype(np.float32) / 255.0

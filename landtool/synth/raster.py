@@ -123,8 +123,8 @@ def window_of(view: View, outlines: Sequence[Array], rim_px: float) -> Window | 
     """Return the rows and columns of the picture that outlines and a rim about them take up; None if there are none."""
     if not outlines:
         return None
-    low = np.min([outline.min(axis=0) for outline in outlines], axis=0) - rim_px
-    high = np.max([outline.max(axis=0) for outline in outlines], axis=0) + rim_px
+    points = np.concatenate(outlines)
+    low, high = points.min(axis=0) - rim_px, points.max(axis=0) + rim_px
     x0, y0 = (max(int(v) - 1, 0) for v in low)
     x1, y1 = min(int(high[0]) + 3, view.camera.width), min(int(high[1]) + 3, view.camera.height)
     return (slice(y0, y1), slice(x0, x1)) if x0 < x1 and y0 < y1 else None

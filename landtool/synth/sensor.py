@@ -23,6 +23,7 @@ Raw = NDArray[np.uint16]
 WHITE = 65535  # of the 16 bits light is counted in before the tone curve
 _BLACK = 2048  # of the mosaic: noise goes below black, and must not be cut off before neighbours are averaged
 _BANK = 1 << 20
+_NOISY_ROWS = 4  # taken from the same place of it
 # luma of linear light, blue first (ITU-R BT.709)
 _LUMA = (0.0722, 0.7152, 0.2126)
 
@@ -168,9 +169,10 @@ def noisy(light: Linear, shot_variance: float, read_variance: float, rng: np.ran
     np.sqrt(sigma, out=sigma)
     bank = _noise_bank()
     # to draw a million values costs more than all other stages: rows are taken from random places of a stock of them
-    starts = rng.integers(0, len(bank) - flat.shape[1], len(flat)).tolist()
-    for row, start in zip(sigma, starts, strict=True):
-        row *= bank[start : start + len(row)]
+    rows = np.array_split(sigma.ravel(), -(-len(sigma) // _NOISY_ROWS))
+    starts = rng.integers(0, len(bank) - len(rows[0]), len(rows)).tolist()
+    for part, start in zip(rows, starts, strict=True):
+        part *= bank[start : start + len(part)]
     sigma += flat
     return sigma.reshape(light.shape)
 

@@ -71,33 +71,36 @@ class View:
     @cached_property
     def rays(self) -> tuple[Map, Map, Map]:
         """World directions (H, W) x 3 through all pixels; one unit of them is one metre of depth along the axis."""
-        x, y = self.lens
-        t: Map = self._row_times.reshape(-1, 1)
-        dx, dy, dz = x, y, np.ones_like(x)
-        if self.readout_s and self.rate_radps.any():
-            first = _rotated(skew(self.rate_radps), dx, dy, dz)
-            second = _rotated(skew(self.rate_radps), *first)
-            half = np.float32(0.5) * t * t
-            dx, dy, dz = (d + t * a + half * b for d, a, b in zip((dx, dy, dz), first, second, strict=True))
+        return self._turned_rays(*self.lens, self._row_times.reshape(-1, 1))
+
+    def rays_at(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> tuple[Map, Map, Map]:
+        """World directions (h, w) x 3 as `rays`, through the pixels of some rows (h,) and columns (w,)."""
+        x, y = (part[np.ix_(rows, columns)] for part in self.lens)
+        return self._turned_rays(x, y, self._row_times[rows].reshape(-1, 1))
+
+    def _turned_rays(self, x: Map, y: Map, t_s: Map) -> tuple[Map, Map, Map]:
+        if not (self.readout_s and self.rate_radps.any()):
+            return _rotated(self.world_T_camera.rotation, x, y)
+        first = _rotated(skew(self.rate_radps), x, y)
+        second = _rotated(skew(self.rate_radps), *first)
+        half = np.float32(0.5) * t_s * t_s
+        dx, dy = (d + t_s * a + half * b for d, a, b in zip((x, y), first, second, strict=False))
+        dz = np.float32(1.0) + t_s * first[2] + half * second[2]
         return _rotated(self.world_T_camera.rotation, dx, dy, dz)
 
-    @cached_property
+    @property
     def lens(self) -> tuple[Map, Map]:
         """Undistorted x/z, y/z (H, W) of every pixel, by Chebyshev interpolation between exact values."""
-        camera = self.camera
-        across, down = (_nodes(n) for n in (camera.width, camera.height))
-        grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
-        exact = camera.normalize(grid).reshape(_NODES, _NODES, 2)
-        rows, columns = (_basis(n) for n in (camera.height, camera.width))
-        return tuple(np.float32(rows @ exact[:, :, i] @ columns.T) for i in (0, 1))  # type: ignore[return-value]
+        return _lens(self.camera)
 
     def plane_depth(self, z_m: float) -> Map:
         """Return the depth (H, W) along the optical axis of the level plane at height z_m; inf where it is not seen."""
         away = np.float32(z_m) - self.origin(2)
-        dz = self.rays[2]
         with np.errstate(divide="ignore", invalid="ignore"):
-            depth = away / dz
-        return np.where((depth > 0) & np.isfinite(depth), depth, np.float32(np.inf))
+            depth: Map = away / self.rays[2]
+        if not 0.0 < float(depth.min()) <= float(depth.max()) < np.inf:
+            depth[~(depth > 0)] = np.inf
+        return depth
 
     def origin(self, axis: int) -> Map:
         """Return the camera's coordinate (H, 1) along a world axis when each row is exposed."""
@@ -126,9 +129,29 @@ def _basis(size: int) -> Array:
     return basis
 
 
-def _rotated(matrix: Array, x: Map, y: Map, z: Map) -> tuple[Map, Map, Map]:
+@lru_cache(maxsize=2)
+def _lens(camera: Camera) -> tuple[Map, Map]:
+    """Return `View.lens`, which all views of a camera share."""
+    across, down = (_nodes(n) for n in (camera.width, camera.height))
+    grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    exact = camera.normalize(grid).reshape(_NODES, _NODES, 2)
+    rows, columns = (_basis(n) for n in (camera.height, camera.width))
+    x, y = ((rows @ exact[:, :, i] @ columns.T).astype(np.float32) for i in (0, 1))
+    for part in (x, y):
+        part.setflags(write=False)
+    return x, y
+
+
+def _rotated(matrix: Array, x: Map, y: Map, z: Map | None = None) -> tuple[Map, Map, Map]:
+    """Return rotated vectors, z is 1 where it is not given."""
     m = matrix.astype(np.float32)
-    first, second, third = (m[i, 0] * x + m[i, 1] * y + m[i, 2] * z for i in range(3))
+    turned = []
+    for row in m:
+        part = row[0] * x
+        part += row[1] * y
+        part += row[2] if z is None else row[2] * z
+        turned.append(part)
+    first, second, third = turned
     return first, second, third
 
 

@@ -12,7 +12,7 @@ from landtool.geometry import Array, Pose, rotation_from_rotvec
 from landtool.io.poses import STRAIGHT_DOWN
 from landtool.pad import PadSpec
 from landtool.synth.domain import Domain, chance, log_uniform, uniform
-from landtool.synth.truth import visible
+from landtool.synth.truth import rim_m, visible_of_rim
 
 # sights flatter than this against the ground show nothing of a pad
 _FLATTEST_RAD = math.radians(75.0)
@@ -21,6 +21,8 @@ _TRIES = 40
 _BEYOND = 0.35
 # a pad of fewer pixels is not to be found
 _SMALLEST_PX = 6.0
+# of the rim's points every 12th is enough to say how much of a pad is in the picture
+_RIM_STEP = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +61,8 @@ def random_viewpoint(domain: Domain, pad: PadSpec, camera: Camera, rng: np.rando
         tilt, yaw = math.radians(uniform(rng, domain.tilt_deg)), float(rng.uniform(-math.pi, math.pi))
         azimuth = float(rng.uniform(-math.pi, math.pi))
         cut = chance(rng, domain.cut)
+        rotation = _rotation(tilt, azimuth, yaw)
         for _ in range(_TRIES):
-            rotation = _rotation(tilt, azimuth, yaw)
             pad_T_camera = _over(camera, rotation, height, _place(camera, cut, rng))
             if pad_T_camera is not None and _seen_well(domain, pad, camera, pad_T_camera, cut):
                 return Viewpoint(camera, pad_T_camera, height, tilt, yaw)
@@ -104,7 +106,10 @@ def _seen_well(domain: Domain, pad: PadSpec, camera: Camera, pad_T_camera: Pose,
         return False
     if pad.ring is None:
         return bool(np.isfinite(camera.project(camera_T_pad.apply(np.zeros((1, 3))))).all())
-    share = visible(camera, camera_T_pad, pad)
+    rim = camera.project(camera_T_pad.apply(rim_m(pad)[::_RIM_STEP]))
+    if camera_T_pad.inverse().translation[2] <= 0.0 or not np.isfinite(rim).all():
+        return False
+    share = visible_of_rim(camera, rim)
     if share < domain.least_visible:
         return False
     # a pad meant to be cut is cut, unless it is larger than the picture anyway
