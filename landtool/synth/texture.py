@@ -86,16 +86,38 @@ def ink_texture(pad: PadSpec) -> InkTexture:
     for part, channel in ((pad.letter, 1), (pad.ring, 0)):
         if part is not None:
             inks[part.color] = channel
-    picture = np.zeros((n, n, 4), dtype=np.float32)
+    planes = [np.zeros((n, n), np.uint8) for _ in range(4)]
     for color, group in groupby(pad.shapes(), key=lambda shape: shape.color):
-        ink = np.zeros(4)
-        ink[3] = 1.0
-        if color in inks:
-            ink[inks[color]] = 1.0
-        _paint(picture, list(group), ink, texel_m)
-    return InkTexture(
-        tuple(np.rint(level / 257.0).astype(np.uint8) for level in pyramid(picture)), texel_m, pad.extent_m
-    )
+        window, cover = _covered(list(group), n, texel_m)
+        for channel, plane in enumerate(planes):
+            share = 255.0 if channel in (3, inks.get(color)) else 0.0
+            _blend(plane[window], cover, share)
+    return InkTexture(_halved(planes), texel_m, pad.extent_m)
+
+
+def _blend(plane: NDArray[np.uint8], cover: NDArray[np.float32], value: float) -> None:
+    """Lay a value over a part of a plane (h, w), in place."""
+    if not (value or plane.any()):
+        return
+    mixed = plane.astype(np.float32)
+    mixed += cover * (np.float32(value) - mixed)
+    mixed += np.float32(0.5)
+    plane[:] = mixed
+
+
+def _halved(planes: list[NDArray[np.uint8]]) -> tuple[NDArray[np.uint8], ...]:
+    """Return the planes (n, n) as the levels (n_i, n_i, C) of a pyramid; n is a multiple of 256."""
+    levels = [np.asarray(cv2.merge(planes), dtype=np.uint8)]
+    n = len(planes[0]) // 2
+    # averages of averages are taken before they are rounded
+    fine = [cv2.resize(plane.astype(np.float32), (n, n), interpolation=cv2.INTER_AREA) for plane in planes]
+    picture = np.asarray(cv2.merge(fine), dtype=np.float32)
+    while True:
+        levels.append((picture + np.float32(0.5)).astype(np.uint8))
+        if n % 2 or n <= 4:
+            return tuple(levels)
+        n //= 2
+        picture = np.asarray(cv2.resize(picture, (n, n), interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
 def pyramid(picture: NDArray[np.float32]) -> tuple[Texels, ...]:
@@ -125,9 +147,10 @@ def polygon_coverage(points: Array) -> tuple[Array, int, int]:
     dy, inside = step[:, 1], middle[:, 0] - cell[:, 0]
     stride = x1 - x0 + 2
     at, size = cell[:, 1] * stride + cell[:, 0], (y1 - y0 + 1) * stride
-    total = np.bincount(at, dy * (1.0 - inside), size) + np.bincount(at + 1, dy * inside, size)
-    covered = np.abs(np.cumsum(total.reshape(-1, stride), axis=1))[:-1, :-2]
-    return np.minimum(covered, 1.0), int(x0), int(y0)
+    steps = np.bincount(np.concatenate([at, at + 1]), np.concatenate([dy * (1.0 - inside), dy * inside]), size)
+    steps = steps.reshape(-1, stride)
+    covered = np.abs(np.cumsum(steps, axis=1, out=steps), out=steps)[:-1, :-2]
+    return np.minimum(covered, 1.0, out=covered), int(x0), int(y0)
 
 
 def _cut(points: Array) -> Iterator[Array]:
@@ -148,17 +171,20 @@ def _crossings(a: float, b: float) -> Array:
 
 def _paint(picture: NDArray[np.float32], shapes: list[Shape], paint: Array, texel_m: float) -> None:
     """Paint shapes of one colour, with the values `paint` (C,), over a premultiplied picture."""
-    n = picture.shape[0]
-    cover = np.zeros((n, n))
-    for shape in shapes:
-        # column along -y, row along -x; edges of texels, hence no half
-        points = n / 2.0 - _outline(shape, texel_m)[:, ::-1] / texel_m
-        part, x, y = polygon_coverage(points)
-        cover[y : y + part.shape[0], x : x + part.shape[1]] += part
-    rows, columns = np.flatnonzero(cover.any(axis=1)), np.flatnonzero(cover.any(axis=0))
-    window = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    c = np.minimum(cover[window], 1.0)[:, :, None].astype(np.float32)
-    picture[window] += c * (paint.astype(np.float32) - picture[window])
+    window, cover = _covered(shapes, picture.shape[0], texel_m)
+    picture[window] += cover[:, :, None] * (paint.astype(np.float32) - picture[window])
+
+
+def _covered(shapes: list[Shape], n: int, texel_m: float) -> tuple[tuple[slice, slice], NDArray[np.float32]]:
+    """Return a window of the picture (n, n), and how much of its texels (h, w) shapes that do not overlap cover."""
+    # column along -y, row along -x; edges of texels, hence no half
+    parts = [polygon_coverage(n / 2.0 - _outline(shape, texel_m)[:, ::-1] / texel_m) for shape in shapes]
+    left, top = min(x for _, x, _ in parts), min(y for _, _, y in parts)
+    right, bottom = max(x + part.shape[1] for part, x, _ in parts), max(y + part.shape[0] for part, _, y in parts)
+    cover = np.zeros((bottom - top, right - left), np.float32)
+    for part, x, y in parts:
+        cover[y - top : y - top + part.shape[0], x - left : x - left + part.shape[1]] += part
+    return np.s_[top:bottom, left:right], np.minimum(cover, np.float32(1.0), out=cover)
 
 
 def _outline(shape: Shape, texel_m: float) -> Array:
