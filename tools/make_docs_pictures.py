@@ -1,10 +1,14 @@
-"""Draw docs/pictures: the frames, the pad's axes, one annotated frame. Run: `python tools/make_docs.py --pictures`."""
+"""Draw docs/pictures: the frames, the pad's axes, one annotated frame, generated pictures.
+
+Run: `python tools/make_docs.py --pictures`.
+"""
 
 from __future__ import annotations
 
 import tempfile
 from pathlib import Path
 
+import cv2
 import numpy as np
 from PIL import Image as PilImage
 
@@ -16,6 +20,11 @@ from landtool.io.source import open_source
 from landtool.pad import PadSpec
 from landtool.run import track
 from landtool.strokes import BLUE, GREEN, GREY, ORANGE, VERMILLION, WHITE, Color, Pen
+from landtool.synth.dataset import DatasetRequest, write_dataset
+from landtool.synth.domain import Domain
+from landtool.synth.preview.facts import read_facts
+from landtool.synth.preview.labels import labelled, read_labels
+from landtool.synth.preview.sheet import contact_sheet
 from landtool.synth.render import encode, render_pad
 from landtool.types import Frame, Image
 
@@ -23,8 +32,12 @@ ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"
 CLIP = ROOT / "datasets" / "fixtures" / "approach.mp4"
 COLORS = 200  # of a PNG's palette: a photograph in few bytes
-SHOWN_FRAME = 75
+SHOWN_FRAME = 60
 GROUND = (0.24, 0.25, 0.26)  # linear light, blue first
+SHEET = (6, 4)  # columns and rows of generated pictures
+CELL_PX = (192, 144)
+SHEET_QUALITY = 82
+SHEET_SEED = 6
 
 
 def main() -> None:
@@ -34,6 +47,9 @@ def main() -> None:
         # k-means: without it thin coloured lines lose their colour to the ground's many greys
         picture = PilImage.fromarray(image[:, :, ::-1]).quantize(COLORS, kmeans=2, dither=PilImage.Dither.NONE)
         picture.save(PICTURES / f"{name}.png", optimize=True)
+    # a palette is too small for so many pictures
+    sheet = PilImage.fromarray(generated()[:, :, ::-1])
+    sheet.save(PICTURES / "generated.jpg", quality=SHEET_QUALITY, optimize=True)
 
 
 def frames() -> Image:
@@ -82,6 +98,19 @@ def annotated() -> Image:
         outcome = track(CLIP, Path(folder) / "run", config)
         with open_source(outcome.folder / "annotated.mp4") as video:
             return next(f.image for f in video if isinstance(f, Frame) and f.index == SHOWN_FRAME)
+
+
+def generated() -> Image:
+    """Return a sheet of generated pictures with their labels, as `landtool generate` draws it."""
+    columns, rows = SHEET
+    request = DatasetRequest(columns * rows, SHEET_SEED, (640, 480), (0.8, 0.1, 0.1), Domain(), PadSpec())
+    cv2.setNumThreads(1)
+    with tempfile.TemporaryDirectory() as folder:
+        dataset = write_dataset(request, Path(folder) / "set", preview=False).folder
+        facts = read_facts(dataset)
+        labels = read_labels(dataset, facts.files)
+        pictures = [labelled(labels[f], c, *CELL_PX) for f, c in zip(facts.files, facts.tag_corners_px, strict=True)]
+        return contact_sheet(pictures, columns, rows, *CELL_PX)
 
 
 def _scene(camera: Camera, camera_T_pad: Pose) -> tuple[Image, Pen]:

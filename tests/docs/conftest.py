@@ -46,6 +46,8 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pictures = _first_pictures(clip)
     _write_pictures(folder / "photos", pictures)
     _write_stereo(folder / "stereo.mcap", pictures)
+    (folder / "films").mkdir()
+    shutil.copy(clip, folder / "films")
     for name in ("left", "right"):
         _write_short_clip(folder / f"{name}.mp4", pictures)
     for name, text in _named_blocks().items():

@@ -19,14 +19,16 @@ from landtool.io.poses import CSV_COLUMNS, STRAIGHT_DOWN, read_mount
 from landtool.io.run_record import Counts, RunRecord, StageTime
 from landtool.io.tables import TABLES
 from landtool.pad import Board, Letter, PadSpec, PadTag, QuietZone, Ring
+from landtool.synth.clips import SCENARIOS, SIDE_FILES
+from landtool.synth.clips.recording import IMAGE_TOPIC, ODOMETRY_TOPIC, POSE_TOPIC, TF_TOPIC, TRUTH_TOPICS
+from landtool.synth.clips.tables import TRUTH_COLUMNS as CLIP_TRUTH_COLUMNS
 from landtool.synth.dataset import TRUTH_COLUMNS
 from landtool.synth.domain import Domain
 from tests.docs.conftest import DOCS, PAGES
 from tests.shared import ROOT
 
 FORMATS = (DOCS / "formats.md").read_text(encoding="utf-8")
-# Written later; a link to it is no mistake until it is there
-MOST_PICTURE_BYTES = 400_000
+MOST_PICTURE_BYTES = 450_000
 PARTS = {"board": Board, "ring": Ring, "letter": Letter, "quiet_zone": QuietZone, "tags": PadTag}
 
 
@@ -115,6 +117,21 @@ def test_every_column_of_the_truth_is_explained() -> None:
     named = [name for row in rows(text) for name in row[0].split(", ")]
     assert named == list(TRUTH_COLUMNS)
     assert all(row[2] for row in rows(text))
+
+
+def test_every_column_of_a_clips_truth_is_explained() -> None:
+    text = (DOCS / "generate.md").read_text(encoding="utf-8").split("#### Clip truth columns")[1].split("\n#")[0]
+    named = [name for row in rows(text) for name in row[0].split(", ")]
+    assert named == list(CLIP_TRUTH_COLUMNS)
+    assert all(row[2] for row in rows(text))
+
+
+def test_every_scenario_and_topic_of_a_clip_is_explained() -> None:
+    text = (DOCS / "generate.md").read_text(encoding="utf-8").split("\n## Clips")[1]
+    first = {name for row in rows(text) for name in row[0].split(", ")}
+    assert set(SCENARIOS) <= first
+    assert {IMAGE_TOPIC, TF_TOPIC, ODOMETRY_TOPIC, POSE_TOPIC, *TRUTH_TOPICS.values()} <= first
+    assert {f"landing.{ending}" for ending in SIDE_FILES} <= first
 
 
 def test_every_key_of_run_json_is_explained() -> None:
