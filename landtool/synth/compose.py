@@ -79,7 +79,7 @@ def render(scene: Scene, view: View) -> Rendered:
     bodies = _bodies(scene)
     floor = render_floor(scene, view, bodies)
     surfaces = surfaces_of(scene, view)
-    raster = paint(view, surfaces.faces)
+    raster = paint(view, surfaces.faces, exact=PRINT)
     layers: Layers = {}
     for id, decal in surfaces.decals.items():
         layer = decal_light(view, decal, scene.sun, floor)

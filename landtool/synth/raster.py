@@ -105,12 +105,16 @@ class Raster:
         return share
 
 
-def paint(view: View, faces: Faces) -> Raster:
-    """Paint faces in their order."""
+def paint(view: View, faces: Faces, exact: int | None = None) -> Raster:
+    """Paint faces in their order.
+
+    OpenCV paints half a sample beyond an outline, so that bodies have no gaps between their faces; the convex ones of
+    the surface `exact` are drawn in by as much first.
+    """
     camera = view.camera
     ids = np.zeros((SAMPLES * camera.height, SAMPLES * camera.width), np.uint16)
     seen = [(id, p) for id, p in zip(faces.ids.tolist(), on_picture(view, faces), strict=True) if p is not None]
-    fixed = fixed_points([outline for _, outline in seen], SAMPLES)
+    fixed = fixed_points([_drawn_in(p, 0.5 / SAMPLES) if id == exact else p for id, p in seen], SAMPLES)
     for (id, _), outline in zip(seen, fixed, strict=True):
         cv2.fillPoly(ids, [outline], id, cv2.LINE_8, _SHIFT)
     return Raster(ids)
@@ -155,6 +159,22 @@ def fixed_points(
     fixed = np.rint(np.minimum(np.maximum(enlarged, -30000.0), 30000.0) * (1 << _SHIFT)).astype(np.int32)
     ends = np.cumsum([len(outline) for outline in outlines]).tolist()
     return [fixed[a:b] for a, b in zip([0, *ends[:-1]], ends, strict=True)]
+
+
+def _drawn_in(outline: Array, by_px: float) -> Array:
+    """Return a convex outline (N, 2) with every edge moved inwards."""
+    edge = np.roll(outline, -1, axis=0) - outline
+    length = np.linalg.norm(edge, axis=1, keepdims=True)
+    if not (length > 1e-9).all():
+        return outline
+    x, y = outline.T
+    turn = np.sign(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    after = turn * np.column_stack([-edge[:, 1], edge[:, 0]]) / length
+    before = np.roll(after, 1, axis=0)
+    # both edges at a corner move by d along their normals n and m: the corner by d (n + m) / (1 + n . m)
+    share = 1.0 + (before * after).sum(axis=1, keepdims=True)
+    inner: Array = outline + by_px * (before + after) / np.maximum(share, 0.2)
+    return inner
 
 
 def on_picture(view: View, faces: Faces) -> list[Array | None]:
