@@ -30,6 +30,8 @@ from landtool.synth.weather import random_fog, random_weather
 
 _VEHICLES = ("sedan", "suv", "van", "pickup", "flatbed", "trailer", "rover6", "tracked")
 _FASTEST_MPS, _FASTEST_RADPS = 4.0, 0.6
+# how often a scene is drawn again whose pad is hidden, and how much of what must be in the picture may be
+_TRIES, _OF_LEAST = 50, 0.9
 
 
 def make_sample(
@@ -37,15 +39,19 @@ def make_sample(
 ) -> Sample:
     """Return picture `index` of the data set of a seed; size: (width, height) in pixels. The same in any process."""
     rng = np.random.default_rng([seed, index])
-    scene, viewpoint, view, names = draw_scene(domain, pad, size, photos, rng)
+    for _ in range(_TRIES):
+        scene, viewpoint, view, names = draw_scene(domain, pad, size, photos, rng)
+        linear, rendered = light_of(scene, view)
+        truth = _truth(scene, viewpoint, view, rendered, names)
+        # other bodies may stand before the pad: one that nobody can see is no example of a pad
+        if scene.target is None or truth.visible_fraction >= _OF_LEAST * domain.least_visible:
+            break
     sensor = random_sensor(domain, rng)
-    linear, rendered = light_of(scene, view)
     image = sensor.picture(linear, rng)
     quality = round(uniform(rng, domain.jpeg_quality))
     done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
         raise OutputError(f"picture {index} cannot be encoded as JPEG")
-    truth = _truth(scene, viewpoint, view, rendered, names)
     return Sample(data.tobytes(), replace(truth, applied=_applied(view, sensor, quality)))
 
 
