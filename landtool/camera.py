@@ -163,6 +163,8 @@ class Camera:
             theta = math.sqrt(_first_root(slope))
             return math.tan(theta) if theta < math.pi / 2 else math.inf
         k1, k2, _, _, k3, *below = self.distortion
+        if not any(self.distortion):
+            return math.inf
         n, d = Polynomial([1.0, k1, k2, k3]), Polynomial([1.0, *below])
         # r n(s) / d(s), s = r^2, stops growing where n d + 2 s (n' d - n d') = 0, and jumps where d = 0
         slope = n * d + Polynomial([0.0, 2.0]) * (n.deriv() * d - n * d.deriv())
@@ -175,10 +177,24 @@ class Camera:
         coefficients = np.array(self.distortion)
         if self.model == "equidistant":
             bent = cv2.fisheye.distortPoints(flat.reshape(-1, 1, 2), self.matrix, coefficients)
+        elif self.model == "plumb_bob":
+            return self._plumb_bob(flat)
         else:
             points = np.column_stack([flat, np.ones(len(flat))])
             bent, _ = cv2.projectPoints(points, np.zeros(3), np.zeros(3), self.matrix, coefficients)
         return np.asarray(bent, dtype=np.float64).reshape(-1, 2)
+
+    def _plumb_bob(self, flat: Array) -> Array:
+        """Take undistorted coordinates (N, 2) through Brown's lens model to pixels (N, 2)."""
+        k1, k2, p1, p2, k3 = self.distortion
+        x, y = flat.T
+        xx, yy, xy = x * x, y * y, x * y
+        s = xx + yy
+        radial = 1.0 + s * (k1 + s * (k2 + s * k3))
+        # x' = x (1 + k1 s + k2 s^2 + k3 s^3) + 2 p1 x y + p2 (s + 2 x^2),  y' likewise with p1 and p2 exchanged
+        u = x * radial + 2.0 * p1 * xy + p2 * (s + 2.0 * xx)
+        v = y * radial + p1 * (s + 2.0 * yy) + 2.0 * p2 * xy
+        return np.column_stack([self.fx * u + self.cx, self.fy * v + self.cy])
 
 
 def _first_root(polynomial: Polynomial) -> float:

@@ -14,7 +14,7 @@ from landtool.geometry import Array, Pose, rotation_from_rotvec
 from landtool.pad import PadSpec
 from landtool.synth import markings
 from landtool.synth.domain import Domain, chance
-from landtool.synth.grounds import KINDS, VARIANTS, GroundTexture, ground, photo_ground
+from landtool.synth.grounds import GROUND_SEED, KINDS, VARIANTS, GroundTexture, ground, photo_ground
 from landtool.synth.mesh import Thing, box, place
 from landtool.synth.scene import Decal, Mark, Region
 from landtool.synth.signs import FLAT, PAINTED, random_sign
@@ -22,8 +22,6 @@ from landtool.synth.things import CARRIERS, PROPS
 from landtool.synth.view import View
 
 PHOTOGRAPH = "photograph"
-# the seed of the grounds themselves: they are the same in every data set, and drawn once in a process
-_GROUND_SEED = 7
 _PHOTOS_KEPT = 6
 _PHOTO_SCALE = (math.log(0.6), math.log(12.0))
 # grounds on which a driver's markings lie, and how often each layout is drawn there
@@ -71,7 +69,7 @@ def random_ground(
         kind = PHOTOGRAPH
     else:
         kind = KINDS[int(rng.choice(len(KINDS), p=_shares()))]
-        texture = ground(kind, int(rng.integers(VARIANTS)), _GROUND_SEED)
+        texture = ground(kind, int(rng.integers(VARIANTS)))
         tile_m = texture.tile_m * float(rng.uniform(0.8, 1.3))
     blue, green, red = (float(t) for t in np.exp(rng.normal(0.0, _TINT) + rng.normal(0.0, 0.03, 3)))
     grain = texture.grain_tile_m * scale
@@ -125,7 +123,7 @@ def _layout(
             for m in layout.marks
         ]
         for polygon, name in layout.regions:
-            other = ground(name, int(rng.integers(VARIANTS)), _GROUND_SEED)
+            other = ground(name, int(rng.integers(VARIANTS)))
             other = replace(other, tile_m=other.tile_m * scale, grain_tile_m=other.grain_tile_m * scale)
             regions.append(Region(_moved(polygon, world_T_layout, scale), other, 0.06 * scale))
         things += [place(tuple(mesh.stretched(scale) for mesh in thing), world_T_layout) for thing in layout.things]
@@ -203,4 +201,4 @@ def _shares() -> Array:
 
 @lru_cache(maxsize=_PHOTOS_KEPT)
 def _photo(path: Path) -> GroundTexture:
-    return photo_ground(path, np.random.default_rng(_GROUND_SEED))
+    return photo_ground(path, np.random.default_rng(GROUND_SEED))

@@ -55,7 +55,6 @@ _PLACES: dict[ScenarioName, tuple[tuple[GroundKind, _Layout | None], ...]] = {
     "hover": (*_YARDS, ("gravel", None), ("tiles", None)),
     "occlusion": _ROADS,
 }
-_GROUND_SEED = 7
 _MOST_THINGS = 16
 _CLEAR_M = 0.6  # between the drone and what it flies over
 
@@ -154,7 +153,7 @@ def clip_scene(
 
 
 def _ground(kind: GroundKind, rng: np.random.Generator) -> GroundTexture:
-    texture = ground(kind, int(rng.integers(VARIANTS)), _GROUND_SEED)
+    texture = ground(kind, int(rng.integers(VARIANTS)))
     b, g, r = (float(t) for t in np.exp(rng.normal(0.0, 0.1) + rng.normal(0.0, 0.03, 3)))
     return replace(texture, tint=(b, g, r))
 
@@ -177,8 +176,7 @@ def _laid_out(
     shift = way.mean(axis=0) + (0.0, float(rng.uniform(-1.8, 1.8)))
     marks = tuple(replace(m, polygons_m=tuple(p + shift for p in m.polygons_m)) for m in found.marks)
     regions = tuple(
-        Region(polygon + shift, ground(kind, int(rng.integers(VARIANTS)), _GROUND_SEED), 0.06)
-        for polygon, kind in found.regions
+        Region(polygon + shift, ground(kind, int(rng.integers(VARIANTS))), 0.06) for polygon, kind in found.regions
     )
     world_T_layout = Pose(np.eye(3), np.array([*shift, 0.0]))
     return marks, regions, tuple(place(thing, world_T_layout) for thing in found.things)

@@ -28,6 +28,7 @@ from landtool.pad import PadSpec
 from landtool.synth.dataset.request import DatasetRequest
 from landtool.synth.dataset.rows import TruthRow, truth_row
 from landtool.synth.domain import Domain
+from landtool.synth.grounds import share_grounds
 from landtool.synth.sample import Sample
 
 _CHUNK = 8  # pictures a process is given at a time: small, as Ctrl-C waits for them
@@ -115,7 +116,7 @@ def draw_images(work: Work, indices: Sequence[int], jobs: int, on_images: Callab
         return
     # fresh processes: one forked from a program with threads may hang
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, initializer=_begin) as pool:
+    with ProcessPoolExecutor(jobs, context, initializer=_begin, initargs=(work.place.notes / "grounds",)) as pool:
         try:
             for done in _all_done(pool, work, chunks, jobs * (1 + _WAITING)):
                 on_images(done)
@@ -154,14 +155,18 @@ def _one_thread() -> Iterator[None]:
         cv2.setNumThreads(before)
 
 
-def _begin() -> None:
-    """Set up a process that draws: Ctrl-C is its parent's to handle, and it ends when its parent does."""
+def _begin(grounds: Path) -> None:
+    """Set up a process that draws: Ctrl-C is its parent's to handle, and it ends when its parent does.
+
+    grounds: folder in which the processes share what they all need.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)
     _keep_memory()
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+    share_grounds(grounds)
 
 
 def _keep_memory() -> None:

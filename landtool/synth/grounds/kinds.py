@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
@@ -13,6 +14,7 @@ from landtool.synth.grounds.loose import asphalt, gravel, sand, soil
 from landtool.synth.grounds.painting import Painting
 from landtool.synth.grounds.paved import brick, cobbles, concrete, tiles
 from landtool.synth.grounds.soft import grass, snow, water
+from landtool.synth.grounds.store import GroundStore
 from landtool.synth.grounds.texture import GroundTexture
 
 GroundKind = Literal[
@@ -21,6 +23,8 @@ GroundKind = Literal[
 KINDS: tuple[GroundKind, ...] = get_args(GroundKind)
 VARIANTS = 2
 """Different grounds of a kind that are worth keeping: each takes 9 MB."""
+GROUND_SEED = 7
+"""Of the grounds that all data sets share: they are painted once in a process."""
 _LOOKS = 60  # a multiple of the number of palettes of every kind, so that none is preferred
 _PAINTERS: dict[GroundKind, Callable[[np.random.Generator, int], Painting]] = {
     "asphalt": asphalt,
@@ -49,8 +53,21 @@ def make_ground_texture(kind: GroundKind, rng: np.random.Generator, look: int | 
 
 
 @lru_cache(maxsize=len(KINDS) * VARIANTS)
-def ground(kind: GroundKind, variant: int, seed: int) -> GroundTexture:
+def ground(kind: GroundKind, variant: int, seed: int = GROUND_SEED) -> GroundTexture:
     """Return a variant of a kind; the same seed (0 or more) has the same grounds. Kept, so do not change it."""
-    # neighbouring variants have different palettes
-    first = int(np.random.default_rng([seed, KINDS.index(kind)]).integers(_LOOKS))
-    return make_ground_texture(kind, np.random.default_rng([seed, KINDS.index(kind), variant]), first + variant)
+
+    def paint() -> GroundTexture:
+        # neighbouring variants have different palettes
+        first = int(np.random.default_rng([seed, KINDS.index(kind)]).integers(_LOOKS))
+        return make_ground_texture(kind, np.random.default_rng([seed, KINDS.index(kind), variant]), first + variant)
+
+    store = _shared.get("store")
+    return paint() if store is None else store.get(f"{kind}-{variant}-{seed}", paint)
+
+
+def share_grounds(folder: Path) -> None:
+    """Share grounds from now on with the other processes that are told the same folder, which must outlive them."""
+    _shared["store"] = GroundStore(folder)
+
+
+_shared: dict[str, GroundStore] = {}
