@@ -23,6 +23,7 @@ from landtool.synth.domain import Domain
 from landtool.synth.make_sample import make_sample
 from landtool.synth.preview import dataset_correlations
 from landtool.tags.reader import ReaderConfig, TagReader
+from tests.scenes import CLEAN_DOMAIN
 
 SIZE = (640, 480)
 TIMED = 240  # pictures: the start of the processes is in the time
@@ -48,7 +49,7 @@ STAGES = {
     "jpeg": ("jpeg",),
     "draw scene": ("make_sample", "domain", "viewpoint", "surroundings", "weather", "markings", "things", "signs"),
     "ground": ("grounds", "floor"),
-    "objects": ("compose", "raster", "surfaces", "decals", "mesh", "outlines"),
+    "objects": ("compose", "faces", "raster", "surfaces", "decals", "mesh", "outlines"),
     "pad": ("print_layer", "sheet", "grime", "texture", "pad", "families"),
     "rays and lens": ("view", "camera", "geometry", "truth"),
     "shadow": ("shadow",),
@@ -57,32 +58,6 @@ STAGES = {
     "sensor": ("sensor", "tone"),
 }
 JPEG_CALLS = ("imencode", "imdecode")
-
-# a picture with nothing between the truth and the pixels but a lens and 8 bits
-CLEAN_DOMAIN = Domain(
-    height_m=(0.6, 5.0),
-    absent=0.0,
-    cut=0.0,
-    least_visible=1.0,
-    small_print=0.0,
-    occlusion=0.0,
-    dirt=(0.0, 0.0),
-    curl=0.0,
-    gloss=0.0,
-    light=(0.6, 0.9),
-    shadow=0.0,
-    drone_shadow=0.0,
-    fog=0.0,
-    defocus=0.0,
-    motion_blur=0.0,
-    rolling_shutter=0.0,
-    shot_noise=(0.0, 0.0),
-    read_noise=(0.0, 0.0),
-    bayer=0.0,
-    rescaled=0.0,
-    sharpen=(0.0, 0.0),
-    jpeg_quality=(100.0, 100.0),
-)
 
 Profile = dict[tuple[str, int, str], tuple[int, int, float, float, dict[tuple[str, int, str], tuple[float, ...]]]]
 

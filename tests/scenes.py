@@ -8,6 +8,7 @@ from landtool.camera import Camera
 from landtool.geometry import Pose, rotation_from_rotvec
 from landtool.io.poses import STRAIGHT_DOWN
 from landtool.pad import PadSpec
+from landtool.synth.domain import Domain
 from landtool.synth.render import encode, render_pad
 from landtool.types import Image
 
@@ -15,6 +16,13 @@ CAMERA = Camera(640, 480, 554.0, 554.0, 319.5, 239.5)
 PAD = PadSpec()
 # Noise of the mean grey level this many times that of a single channel: sqrt(0.299^2 + 0.587^2 + 0.114^2)
 _GREY_SHARE = 0.669
+# pictures in which nothing but geometry and a good camera is at work
+CLEAN_DOMAIN = Domain(
+    height_m=(0.6, 5.0), absent=0.0, cut=0.0, least_visible=1.0, small_print=0.0, occlusion=0.0, dirt=(0.0, 0.0),
+    curl=0.0, gloss=0.0, light=(0.6, 0.9), shadow=0.0, drone_shadow=0.0, fog=0.0, defocus=0.0, motion_blur=0.0,
+    rolling_shutter=0.0, shot_noise=(0.0, 0.0), read_noise=(0.0, 0.0), bayer=0.0, rescaled=0.0, sharpen=(0.0, 0.0),
+    tone=0.0, white_balance=0.0, vignette=(0.0, 0.0), jpeg_quality=(100.0, 100.0),
+)  # fmt: skip
 
 
 def view(

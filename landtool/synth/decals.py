@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landtool import tone
+from landtool.synth.faces import Faces, on_picture
 from landtool.synth.floor import Floor
-from landtool.synth.raster import Faces, on_picture
 from landtool.synth.scene import Decal, Sun
 from landtool.synth.surfaces import ON_GROUND_M
 from landtool.synth.view import View

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from landtool.geometry import Array
 from landtool.synth import shadow
+from landtool.synth.faces import Faces, on_picture
 from landtool.synth.grounds import GroundTexture, ground_albedo
 from landtool.synth.mesh import Mesh
-from landtool.synth.raster import SAMPLES, Faces, Window, filled, on_picture, window_of
+from landtool.synth.raster import SAMPLES, Window, filled, window_of
 from landtool.synth.scene import Mark, Scene
 from landtool.synth.view import Map, View
 

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landtool.geometry import Array
+from landtool.synth.faces import Faces, on_picture, out_of_sight
 from landtool.synth.mesh import Mesh
-from landtool.synth.raster import Faces, filled, on_picture, out_of_sight, window_of
+from landtool.synth.raster import filled, window_of
 from landtool.synth.scene import Sun
 from landtool.synth.view import View
 

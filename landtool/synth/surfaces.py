@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landtool.geometry import Array
+from landtool.synth.faces import Faces
 from landtool.synth.mesh import Mesh, place
 from landtool.synth.print_layer import outline_m
-from landtool.synth.raster import Faces
 from landtool.synth.scene import Decal, Scene, Sun
 from landtool.synth.view import View
 

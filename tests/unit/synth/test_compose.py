@@ -8,9 +8,10 @@ import pytest
 from landtool.camera import Camera
 from landtool.geometry import Pose
 from landtool.synth.compose import render
+from landtool.synth.faces import Faces
 from landtool.synth.fog import Fog
 from landtool.synth.mesh import box
-from landtool.synth.raster import Faces, paint
+from landtool.synth.raster import paint
 from landtool.synth.scene import Sun
 from landtool.synth.view import View
 from landtool.tone import srgb_decode, srgb_encode

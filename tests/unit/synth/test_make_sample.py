@@ -15,25 +15,19 @@ from landtool.synth.make_sample import make_sample
 from landtool.synth.sample import Sample
 from landtool.tags.pose import pad_corners, pad_solutions
 from landtool.tags.reader import ReaderConfig, TagReader
+from tests.scenes import CLEAN_DOMAIN
 
 PAD = PadSpec()
 SIZE = (640, 480)
 SMALL = (208, 156)
 READABLE_PX = 14.0  # side of a tag
-# pictures in which nothing but geometry and a good camera is at work
-CLEAN = Domain(
-    height_m=(0.6, 5.0), absent=0.0, cut=0.0, least_visible=1.0, small_print=0.0, occlusion=0.0, dirt=(0.0, 0.0),
-    curl=0.0, gloss=0.0, light=(0.6, 0.9), shadow=0.0, drone_shadow=0.0, fog=0.0, defocus=0.0, motion_blur=0.0,
-    rolling_shutter=0.0, shot_noise=(0.0, 0.0), read_noise=(0.0, 0.0), bayer=0.0, rescaled=0.0, sharpen=(0.0, 0.0),
-    tone=0.0, white_balance=0.0, vignette=(0.0, 0.0), jpeg_quality=(100.0, 100.0),
-)  # fmt: skip
 
 
 def clean(count: int) -> Iterator[Sample]:
     """Yield pictures with the whole tag in them, large enough to be read."""
     index = found = 0
     while found < count:
-        sample = make_sample(CLEAN, PAD, SIZE, 3, index)
+        sample = make_sample(CLEAN_DOMAIN, PAD, SIZE, 3, index)
         index += 1
         corners = sample.truth.tag_corners_px
         if corners is None or not ((corners > 4.0).all() and (corners < np.array(SIZE) - 5.0).all()):
@@ -72,7 +66,7 @@ def test_labels_say_what_is_there() -> None:
 
 def test_everything_can_be_switched_off() -> None:
     nothing = replace(
-        CLEAN, signs_with_pad=0.0, signs_without_pad=0.0, on_vehicle=0.0, on_box=0.0, on_deck=0.0, things=0.0,
+        CLEAN_DOMAIN, signs_with_pad=0.0, signs_without_pad=0.0, on_vehicle=0.0, on_box=0.0, on_deck=0.0, things=0.0,
         distortion=0.0, tilt_deg=(0.0, 0.0), hfov_deg=(70.0, 70.0), overcast=0.0, height_m=(2.0, 2.0),
     )  # fmt: skip
     truth = make_sample(nothing, PAD, SMALL, 1, 0).truth
