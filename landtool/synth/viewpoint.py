@@ -17,7 +17,6 @@ from landtool.synth.truth import rim_m, visible_of_rim
 # sights flatter than this against the ground show nothing of a pad
 _FLATTEST_RAD = math.radians(75.0)
 _TRIES = 40
-_TILT_POWER = 1.5
 # centres of cut pads lie up to this share of the picture beyond its border
 _BEYOND = 0.35
 # a pad of fewer pixels is not to be found
@@ -58,8 +57,9 @@ def random_camera(domain: Domain, width: int, height: int, rng: np.random.Genera
 def random_viewpoint(domain: Domain, pad: PadSpec, camera: Camera, rng: np.random.Generator) -> Viewpoint:
     """Return a place over the pad from which enough of it is in the picture."""
     while True:
-        height = log_uniform(rng, domain.height_m) * pad.diameter_m
-        tilt, yaw = _tilt(domain, rng), float(rng.uniform(-math.pi, math.pi))
+        tilt, yaw = math.radians(uniform(rng, domain.tilt_deg)), float(rng.uniform(-math.pi, math.pi))
+        # a tilted camera looks farther: it is lower by as much, or tilted pictures would have the smaller pads
+        height = max(log_uniform(rng, domain.height_m) * math.cos(tilt), domain.height_m[0]) * pad.diameter_m
         azimuth = float(rng.uniform(-math.pi, math.pi))
         cut = chance(rng, domain.cut)
         rotation = _rotation(tilt, azimuth, yaw)
@@ -67,12 +67,6 @@ def random_viewpoint(domain: Domain, pad: PadSpec, camera: Camera, rng: np.rando
             pad_T_camera = _over(camera, rotation, height, _place(camera, cut, rng))
             if pad_T_camera is not None and _seen_well(domain, pad, camera, pad_T_camera, cut):
                 return Viewpoint(camera, pad_T_camera, height, tilt, yaw)
-
-
-def _tilt(domain: Domain, rng: np.random.Generator) -> float:
-    """Return a tilt in radians, small ones more often: they are in flight, and a tilted look goes farther."""
-    low, high = domain.tilt_deg
-    return math.radians(low + (high - low) * float(rng.random()) ** _TILT_POWER)
 
 
 def size_px(camera: Camera, camera_T_pad: Pose, pad: PadSpec) -> float:
