@@ -47,9 +47,8 @@ class GroundStore:
     def get(self, name: str, paint: Callable[[], GroundTexture]) -> GroundTexture:
         """Return a ground; paint it when nobody has, wait when another process does."""
         if self.claim(name):
-            ground = paint()
-            self.put(name, ground)
-            return ground
+            self.put(name, paint())
+            return self._read(name)  # the shared copy, so that its own is given back
         until = time.monotonic() + _PATIENCE_S
         while not self._about(name).exists():
             if time.monotonic() > until:
