@@ -21,8 +21,8 @@ class Domain:
     Raises UsageError for a range that is reversed or holds what cannot be, and for a share outside [0, 1].
     """
 
-    # height of the camera over the pad, metres for D = 1 m (others scale), drawn evenly in its logarithm; a tilted camera
-    # is lower by the cosine, so that tilt does not make the pad smaller
+    # height of the camera over the pad, metres for D = 1 m (others scale), drawn evenly in its logarithm; of a tilted
+    # camera times the cosine, so that tilt does not make the pad smaller
     height_m: Range = (0.3, 30.0)
     # angle between the optical axis and straight down
     tilt_deg: Range = (0.0, 45.0)
