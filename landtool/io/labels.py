@@ -74,7 +74,8 @@ class YoloDataset:
 
 def data_yaml(names: Sequence[str], splits: Sequence[str]) -> str:
     """Return the data.yaml of a dataset that has the folders images/<split> beside it."""
-    lines = ["path: .", *(f"{split}: images/{split}" for split in splits), "names:"]
+    # no `path`: without one every reader takes the file's own folder, and some take a relative one from elsewhere
+    lines = [*(f"{split}: images/{split}" for split in splits), "names:"]
     return "\n".join([*lines, *(f"  {i}: {name}" for i, name in enumerate(names))]) + "\n"
 
 

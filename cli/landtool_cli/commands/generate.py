@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import time
 from collections.abc import Mapping
 from fractions import Fraction
@@ -140,13 +141,15 @@ def clip(
     beside = side_files(output)
     console.result(f"{output}: {made.frames} frames, {config.scenario}; the pad is seen in {made.visible}")
     console.result(f"  truth: {beside['truth.csv']}")
-    console.result(f"  landtool track {output}{_track_options(output, beside)}")
+    console.result(f"  {shlex.join(_track_command(output, beside))}")
 
 
-def _track_options(output: Path, beside: Mapping[str, Path]) -> str:
-    """Return what `landtool track` needs to know of a clip; a log carries its calibration itself."""
-    camera = "" if output.suffix.lower() == ".mcap" else f" --camera {beside['camera.yaml']}"
-    return f"{camera} --pad {beside['pad.toml']} --ego {beside['ego.csv']}"
+def _track_command(output: Path, beside: Mapping[str, Path]) -> list[str]:
+    """Return the `landtool track` of a clip; a log carries its calibration itself."""
+    # a name that begins with a dash would be taken for an option
+    clip = f"./{output}" if str(output).startswith("-") else str(output)
+    camera = [] if output.suffix.lower() == ".mcap" else ["--camera", str(beside["camera.yaml"])]
+    return ["landtool", "track", clip, *camera, "--pad", str(beside["pad.toml"]), "--ego", str(beside["ego.csv"])]
 
 
 @command.command("preview")

@@ -7,6 +7,7 @@ import hashlib
 import json
 import multiprocessing
 import os
+import shutil
 import signal
 import sys
 import threading
@@ -116,7 +117,10 @@ def draw_images(work: Work, indices: Sequence[int], jobs: int, on_images: Callab
         return
     # fresh processes: one forked from a program with threads may hang
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context, initializer=_begin, initargs=(work.place.notes / "grounds",)) as pool:
+    grounds = work.place.notes / "grounds"
+    # a run that was killed may have left some that nobody finishes
+    shutil.rmtree(grounds, ignore_errors=True)
+    with ProcessPoolExecutor(jobs, context, initializer=_begin, initargs=(grounds,)) as pool:
         try:
             for done in _all_done(pool, work, chunks, jobs * (1 + _WAITING)):
                 on_images(done)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import time
 from collections.abc import Callable
@@ -34,11 +35,13 @@ class GroundStore:
         return True
 
     def put(self, name: str, ground: GroundTexture) -> None:
-        """Keep a ground; it is there for others when all of it is."""
+        """Keep a ground; it is there for others when all of it is. Raises OSError when there is no room for it."""
         about: dict[str, object] = {field: getattr(ground, field) for field in _NUMBERS}
         for part in _ATLASES:
             atlas: Atlas = getattr(ground, part)
-            np.save(self._picture(name, part), atlas.picture)
+            content = io.BytesIO()
+            np.save(content, atlas.picture)
+            self._picture(name, part).write_bytes(content.getbuffer())
             about[part] = {"places": atlas.places.tolist(), "levels": atlas.levels, "mirrored": atlas.mirrored}
         temporary = self.folder / f"{name}.part"
         temporary.write_text(json.dumps(about), encoding="utf-8")
@@ -46,14 +49,26 @@ class GroundStore:
 
     def get(self, name: str, paint: Callable[[], GroundTexture]) -> GroundTexture:
         """Return a ground; paint it when nobody has, wait when another process does."""
-        if self.claim(name):
-            self.put(name, paint())
-            return self._read(name)  # the shared copy, so that its own is given back
         until = time.monotonic() + _PATIENCE_S
         while not self._about(name).exists():
+            if self.claim(name):
+                return self._shared(name, paint())
             if time.monotonic() > until:
                 return paint()
             time.sleep(_LOOK_S)
+        return self._read(name)
+
+    def _shared(self, name: str, ground: GroundTexture) -> GroundTexture:
+        """Put a ground and return the shared copy, so that its own is given back; its own where there is no room."""
+        try:
+            self.put(name, ground)
+        except OSError:
+            # sharing only saves memory: a full disk is for the pictures to tell
+            for part in _ATLASES:
+                self._picture(name, part).unlink(missing_ok=True)
+            (self.folder / f"{name}.part").unlink(missing_ok=True)
+            (self.folder / f"{name}.claim").rmdir()
+            return ground
         return self._read(name)
 
     def _read(self, name: str) -> GroundTexture:

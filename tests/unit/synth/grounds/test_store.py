@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import numpy as np
@@ -32,3 +33,17 @@ def test_what_nobody_finishes_is_painted_by_who_needs_it(tmp_path: Path, monkeyp
     assert not store.claim("snow")
     made = make_ground_texture("snow", np.random.default_rng(1))
     assert store.get("snow", lambda: made) is made
+
+
+def test_where_there_is_no_room_a_ground_is_not_shared_and_nobody_waits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    store = GroundStore(tmp_path)
+    made = make_ground_texture("snow", np.random.default_rng(1))
+    assert store.get("snow", lambda: made) is made
+    assert list(tmp_path.iterdir()) == []
+    assert store.claim("snow")
