@@ -10,14 +10,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from landtool.geometry import Array
 from landtool.synth import shadow
-from landtool.synth.decals import Window, decal_light
+from landtool.synth.decals import decal_light
 from landtool.synth.floor import Floor, render_floor
 from landtool.synth.mesh import Mesh
 from landtool.synth.print_layer import PrintLayer, print_layer
-from landtool.synth.raster import Raster, paint
-from landtool.synth.scene import Scene, Sun, Target
+from landtool.synth.raster import Raster, Window, paint
+from landtool.synth.scene import Scene, Target, is_under
 from landtool.synth.sheet import glare
 from landtool.synth.surfaces import PRINT, Surfaces, surfaces_of
 from landtool.synth.view import Map, View
@@ -76,8 +75,7 @@ class Rendered:
 def render(scene: Scene, view: View) -> Rendered:
     """Return the picture of a scene in clear air."""
     target = scene.target
-    bodies = _bodies(scene)
-    floor = render_floor(scene, view, bodies)
+    floor = render_floor(scene, view, _bodies(scene))
     surfaces = surfaces_of(scene, view)
     raster = paint(view, surfaces.faces, exact=PRINT)
     layers: Layers = {}
@@ -88,7 +86,7 @@ def render(scene: Scene, view: View) -> Rendered:
     sheet = None if target is None else print_layer(view, target)
     lit = None
     if target is not None:
-        lit = _lit_on_pad(scene, view, target, bodies)
+        lit = _lit_on_pad(scene, view, target)
         if sheet is not None:
             layers[PRINT] = (sheet.window, _print_light(scene, view, target, sheet, lit))
     linear = _composed(raster, surfaces, floor, layers, lit)
@@ -97,34 +95,26 @@ def render(scene: Scene, view: View) -> Rendered:
     return Rendered(linear, floor.x_m, floor.y_m, hidden, shaded, seen)
 
 
-def _bodies(scene: Scene) -> list[Mesh]:
-    """Return everything that throws a shadow, in the world."""
+def _bodies(scene: Scene, *, over_pad: bool = False) -> list[Mesh]:
+    """Return everything that throws a shadow, in the world; over_pad: without what lies under the pad's own plane.
+
+    A deck that leans would shade its own pad, because shadows fall on the level of the pad's middle.
+    """
     target = scene.target
-    carried = () if target is None else (m.moved(target.world_T_pad) for m in (*target.carrier, *target.above))
+    carried: list[Mesh] = []
+    if target is not None:
+        carrier = [m for m in target.carrier if not (over_pad and is_under(m))]
+        carried = [m.moved(target.world_T_pad) for m in (*carrier, *target.above)]
     return [*chain.from_iterable(scene.things), *carried, *chain.from_iterable(scene.shades)]
 
 
-def _lit_on_pad(scene: Scene, view: View, target: Target, bodies: list[Mesh]) -> Map:
+def _lit_on_pad(scene: Scene, view: View, target: Target) -> Map:
     """Return the share of sunlight (H, W) that reaches the level of the pad."""
     place = target.world_T_pad.translation
     reach = max([target.pad.extent_m, *(float(np.abs(m.points_m[:, :2]).max()) for m in target.carrier)])
-    above = _shading(bodies, scene.sun, place, reach)
+    casters = shadow.shading(_bodies(scene, over_pad=True), scene.sun, place, reach)
     depth = float(view.in_camera(place[None])[0, 2])
-    return shadow.lit(view, scene.sun, above, float(place[2]), max(depth, 0.1))
-
-
-def _shading(bodies: list[Mesh], sun: Sun, place_m: Array, reach_m: float) -> list[Mesh]:
-    """Return the bodies that may throw their shadow within reach of a place (3,) on a level plane."""
-    if not bodies:
-        return bodies
-    points = np.concatenate([mesh.points_m for mesh in bodies])
-    starts = np.cumsum([0, *(len(mesh.points_m) for mesh in bodies[:-1])])
-    low, high = np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)
-    above = high[:, 2] - place_m[2]
-    fall = above[:, None] * np.array(sun.direction[:2]) / max(sun.direction[2], 0.05)
-    first, last = np.minimum(low[:, :2], low[:, :2] - fall), np.maximum(high[:, :2], high[:, :2] - fall)
-    near = (first < place_m[:2] + reach_m).all(axis=1) & (last > place_m[:2] - reach_m).all(axis=1)
-    return [bodies[i] for i in np.flatnonzero(near & (above >= 0.005)).tolist()]
+    return shadow.lit(view, scene.sun, casters, float(place[2]), max(depth, 0.1))
 
 
 def _print_light(scene: Scene, view: View, target: Target, sheet: PrintLayer, lit: Map) -> Linear:

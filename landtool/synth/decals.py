@@ -11,28 +11,20 @@ from numpy.typing import NDArray
 from landtool import tone
 from landtool.synth.faces import Faces, on_picture
 from landtool.synth.floor import Floor
+from landtool.synth.raster import Window, window_of
 from landtool.synth.scene import Decal, Sun
 from landtool.synth.surfaces import ON_GROUND_M
 from landtool.synth.view import View
 
-Window = tuple[slice, slice]
 _FINER = 2  # samples a side of a pixel
 
 
 def decal_light(view: View, decal: Decal, sun: Sun, floor: Floor) -> tuple[Window, NDArray[np.float32]] | None:
     """Return a decal's light (h, w, 3) in a window of the picture, over the floor; None where it is not seen."""
-    half = decal.side_m / 2.0
-    square = decal.world_T_plane.apply(
-        np.array([[half, half, 0.0], [-half, half, 0.0], [-half, -half, 0.0], [half, -half, 0.0]])
-    )
-    pixels = on_picture(view, Faces.of([square]))[0]
-    if pixels is None:
+    outline = on_picture(view, Faces.of([decal.corners_m]))[0]
+    window = None if outline is None else window_of(view, [outline], 1.0)
+    if window is None or min(part.stop - part.start for part in window) < 2:
         return None
-    low, high = np.floor(pixels.min(axis=0)).astype(int) - 1, np.ceil(pixels.max(axis=0)).astype(int) + 2
-    x0, y0, x1, y1 = max(low[0], 0), max(low[1], 0), min(high[0], view.camera.width), min(high[1], view.camera.height)
-    if x1 - x0 < 2 or y1 - y0 < 2:
-        return None
-    window = np.s_[y0:y1, x0:x1]
     column, row = _texels(view, decal, window)
     albedo = _sampled(decal, column, row)
     up = decal.world_T_plane.rotation[:, 2]

@@ -40,6 +40,15 @@ class Faces:
         return cls(points, counts, np.full(len(counts), id), np.zeros((len(counts), 3)))
 
     @classmethod
+    def level(cls, outlines_m: Sequence[Array] | Sequence[NDArray[np.float32]], z_m: float) -> Faces:
+        """Return flat outlines (N, 2) of the world's x and y as faces at a height."""
+        counts = np.array([len(outline) for outline in outlines_m], np.intp)
+        points = np.full((int(counts.sum()), 3), z_m)
+        if len(counts):
+            points[:, :2] = np.concatenate(outlines_m)
+        return cls(points, counts, np.ones(len(counts), np.intp), np.zeros((len(counts), 3)))
+
+    @classmethod
     def joined(cls, parts: Sequence[Faces]) -> Faces:
         """Return the faces of all parts, in their order."""
         return cls(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from landtool.geometry import Array
 from landtool.synth import shadow
 from landtool.synth.faces import Faces, on_picture
-from landtool.synth.grounds import GroundTexture, ground_albedo
+from landtool.synth.grounds import GroundTexture, ground_albedo, relative_detail
 from landtool.synth.mesh import Mesh
 from landtool.synth.raster import SAMPLES, Window, filled, window_of
 from landtool.synth.scene import Mark, Scene
@@ -100,9 +100,8 @@ def _painted(albedo: Linear, mark: Mark, ground: GroundTexture, view: View, x: M
     part = albedo[window]
     if mark.wear > 0.0:
         share *= _left_of_paint(x[window], y[window], mark.wear)
-    mean = max(float(np.mean(ground.mean)), 1e-3)
-    grain = cv2.transform(part, np.full((1, 3), _GRAIN / (3.0 * mean), np.float32))
-    grain = np.minimum(grain + np.float32(1.0 - _GRAIN), np.float32(1.5))
+    grain = relative_detail(ground, part) * np.float32(_GRAIN) + np.float32(1.0 - _GRAIN)
+    grain = np.minimum(grain, np.float32(1.5))
     paint = cv2.merge([grain * np.float32(c) for c in mark.albedo])
     paint -= part
     paint *= cv2.merge([share, share, share])
@@ -111,10 +110,9 @@ def _painted(albedo: Linear, mark: Mark, ground: GroundTexture, view: View, x: M
 
 def _share(view: View, polygons_m: Sequence[Array], soft_m: float, depth: Map) -> tuple[Window, Map] | None:
     """Return how much of each pixel (h, w) of a window polygons on the ground cover, their edge `soft_m` wide."""
-    level = Faces.of([np.column_stack([p, np.zeros(len(p))]) for p in polygons_m])
     soft_px = soft_m * view.camera.fx / max(float(np.median(depth[::8, ::8])), 0.1) if soft_m > 0.0 else 0.0
     soft_px = min(soft_px, _SOFTEST_PX)
-    outlines = [outline for outline in on_picture(view, level) if outline is not None]
+    outlines = [outline for outline in on_picture(view, Faces.level(polygons_m, 0.0)) if outline is not None]
     window = window_of(view, outlines, 1.5 * soft_px)
     if window is None:
         return None

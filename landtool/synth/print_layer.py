@@ -62,12 +62,12 @@ def print_layer(view: View, target: Target) -> PrintLayer | None:
 
 
 def outline_m(target: Target, half_m: float, steps: int = 12) -> Array:
-    """Return the print's border (4 steps, 3) in the pad frame, bent as the sheet is, counter-clockwise from above."""
+    """Return the print's border (4 steps, 3) in the world, bent as the sheet is, counter-clockwise from above."""
     along = np.linspace(-half_m, half_m, steps, endpoint=False)
     side = np.full(steps, half_m)
     x = np.concatenate([side, -along, -side, along])
     y = np.concatenate([along, side, -along, -side])
-    return np.column_stack([x, y, target.sheet.height_m(x, y)])
+    return target.on_sheet(np.column_stack([x, y, np.zeros(len(x))]))
 
 
 def place_on_print(view: View, target: Target, box: Box) -> tuple[Map, Map, Map]:
@@ -106,7 +106,7 @@ def _box(view: View, target: Target, half_m: float) -> Box | None:
     above = target.world_T_pad.inverse().apply(view.world_T_camera.translation)
     if above[2] <= 0.0:
         return None
-    rim = target.world_T_pad.apply(outline_m(target, half_m))
+    rim = outline_m(target, half_m)
     if (view.in_camera(rim)[:, 2] <= 0.02).any():
         return (0, 0, camera.width, camera.height)
     pixels = view.project(rim, target.velocity_mps)

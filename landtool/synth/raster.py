@@ -55,12 +55,10 @@ class Raster:
         ids: Ids = np.take(self.ids.ravel(), first[:, None] + steps)
         return ids
 
-    def coverage(self, low: int, high: int | None = None) -> NDArray[np.float32]:
-        """Return the share (H, W) of each pixel that sees surface `low`, or one of low to high inclusive."""
-        high = low if high is None else high
-        share = ((self.centre >= low) & (self.centre <= high)).astype(np.float32)
-        inside = (self.mixed_ids >= low) & (self.mixed_ids <= high)
-        share.ravel()[self.mixed] = inside.mean(axis=1, dtype=np.float32)
+    def coverage(self, id: int) -> NDArray[np.float32]:
+        """Return the share (H, W) of each pixel that sees a surface."""
+        share = (self.centre == id).astype(np.float32)
+        share.ravel()[self.mixed] = (self.mixed_ids == id).mean(axis=1, dtype=np.float32)
         return share
 
 

@@ -11,7 +11,7 @@ from landtool.geometry import Array, Pose
 from landtool.pad import PadSpec
 from landtool.synth.fog import Fog
 from landtool.synth.grounds import GroundTexture
-from landtool.synth.mesh import Albedo, Thing
+from landtool.synth.mesh import Albedo, Mesh, Thing
 from landtool.synth.sheet import Sheet
 
 
@@ -65,6 +65,21 @@ class Decal:
     world_T_plane: Pose
     side_m: float
 
+    @property
+    def corners_m(self) -> Array:
+        """The square's corners (4, 3) in the world, counter-clockwise from above."""
+        h = self.side_m / 2.0
+        return self.world_T_plane.apply(np.array([[h, h, 0.0], [-h, h, 0.0], [-h, -h, 0.0], [h, -h, 0.0]]))
+
+
+# bodies of a carrier that end lower than this above the pad are under it
+_PAD_LEVEL_M = 1e-6
+
+
+def is_under(mesh: Mesh) -> bool:
+    """Whether a body of a carrier, in the pad's frame, nowhere rises over the pad's plane."""
+    return bool(mesh.points_m[:, 2].max() <= _PAD_LEVEL_M)
+
 
 @dataclass(frozen=True, eq=False)
 class Target:
@@ -79,6 +94,12 @@ class Target:
     carrier: Thing = ()
     above: Thing = ()
     velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def on_sheet(self, points_m: Array) -> Array:
+        """Return points (N, 3) of the flat pad where the bent sheet has them, in the world."""
+        bent = points_m.copy()
+        bent[:, 2] += self.sheet.height_m(points_m[:, 0], points_m[:, 1])
+        return self.world_T_pad.apply(bent)
 
 
 @dataclass(frozen=True, eq=False)

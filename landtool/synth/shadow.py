@@ -18,7 +18,8 @@ from landtool.synth.scene import Sun
 from landtool.synth.view import View
 
 Share = NDArray[np.float32]
-_HIGHEST_SUN_STEP = 0.05  # a sun lower than this share of its length throws shadows without end
+_LOWEST_SUN = 0.05  # a sun lower than this share of its length throws shadows without end
+_LOWEST_CASTER_M = 0.005
 _SHARPEST_PX, _SOFTEST_PX = 0.45, 24.0
 # bodies dim the ground within about this share of their height, by at most so much
 _DIM_REACH, _DIM_MOST = 0.35, 0.55
@@ -36,7 +37,7 @@ def lit(view: View, sun: Sun, meshes: Iterable[Mesh], z_m: float, depth_m: float
     """
     shape = (view.camera.height, view.camera.width)
     reaching = np.ones(shape, np.float32)
-    if not any(sun.sun) or sun.direction[2] < _HIGHEST_SUN_STEP:
+    if not any(sun.sun) or sun.direction[2] < _LOWEST_SUN:
         return reaching if any(sun.sun) else np.zeros(shape, np.float32)
     casting = [mesh for mesh in meshes if mesh.casts]
     if not casting:
@@ -53,8 +54,21 @@ def lit(view: View, sun: Sun, meshes: Iterable[Mesh], z_m: float, depth_m: float
         polygons += fallen
         levels += [of_mesh[i]] * len(fallen)
     sigmas = {level: 2.0 ** (level / 2.0) for level in levels}
-    _darken(reaching, view, _level(polygons, z_m), levels, sigmas, _LEFT)
+    _darken(reaching, view, Faces.level(polygons, z_m), levels, sigmas, _LEFT)
     return reaching
+
+
+def shading(meshes: Sequence[Mesh], sun: Sun, place_m: Array, reach_m: float) -> list[Mesh]:
+    """Return the bodies that may throw their shadow within reach of a place (3,), on a level plane through it."""
+    if not meshes:
+        return []
+    points, starts = _joined(meshes)
+    low, high = np.minimum.reduceat(points, starts), np.maximum.reduceat(points, starts)
+    above = high[:, 2] - place_m[2]
+    fall = above[:, None] * np.array(sun.direction[:2]) / max(sun.direction[2], _LOWEST_SUN)
+    first, last = np.minimum(low[:, :2], low[:, :2] - fall), np.maximum(high[:, :2], high[:, :2] - fall)
+    near = (first < place_m[:2] + reach_m).all(axis=1) & (last > place_m[:2] - reach_m).all(axis=1)
+    return [meshes[i] for i in np.flatnonzero(near & (above >= _LOWEST_CASTER_M)).tolist()]
 
 
 def openness(view: View, meshes: Iterable[Mesh], depth_m: float) -> Share:
@@ -72,7 +86,7 @@ def openness(view: View, meshes: Iterable[Mesh], depth_m: float) -> Share:
     seen = np.flatnonzero(standing & ~out_of_sight(view, low, high)).tolist()
     polygons = [_hull(closed[i].points_m[:, :2].astype(np.float32)) for i in seen]
     levels = of_mesh[seen].tolist()
-    _darken(free, view, _level(polygons, 0.0), levels, {level: 2.0**level for level in levels}, _LEFT_OF_SKY)
+    _darken(free, view, Faces.level(polygons, 0.0), levels, {level: 2.0**level for level in levels}, _LEFT_OF_SKY)
     return free
 
 
@@ -110,15 +124,6 @@ def _joined(meshes: Sequence[Mesh]) -> tuple[Array, NDArray[np.intp]]:
 
 def _hull(points: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(cv2.convexHull(points), dtype=np.float32).reshape(-1, 2)
-
-
-def _level(polygons: Sequence[NDArray[np.float32]], z_m: float) -> Faces:
-    """Return polygons (N, 2) as faces at a height."""
-    counts = np.array([len(polygon) for polygon in polygons], np.intp)
-    points = np.full((int(counts.sum()), 3), z_m)
-    if len(counts):
-        points[:, :2] = np.concatenate(polygons)
-    return Faces(points, counts, np.ones(len(counts), np.intp), np.zeros((len(counts), 3)))
 
 
 def _fallen(

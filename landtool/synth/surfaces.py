@@ -13,13 +13,11 @@ from landtool.geometry import Array
 from landtool.synth.faces import Faces
 from landtool.synth.mesh import Mesh, place
 from landtool.synth.print_layer import outline_m
-from landtool.synth.scene import Decal, Scene, Sun
+from landtool.synth.scene import Decal, Scene, Sun, is_under
 from landtool.synth.view import View
 
 # ids of surfaces: 0 is the ground, then the print, then the decals, then faces of bodies
 PRINT, FIRST_DECAL = 1, 2
-# bodies of a carrier that end lower than this above the pad are under it
-_PAD_LEVEL_M = 1e-6
 _STILL = (0.0, 0.0, 0.0)
 # a decal lower than this lies on the ground
 ON_GROUND_M = 0.03
@@ -80,7 +78,7 @@ class _Build:
     """Collects polygons and what their surfaces look like."""
 
     def __init__(self, sun: Sun, eye: Array, first: int) -> None:
-        self._light, self._eye, self._first = sun, eye, first
+        self._light, self._eye = sun, eye
         self._faces: list[Faces] = []
         self._normals: list[Array] = [np.tile([0.0, 0.0, 1.0], (first, 1))]
         self._offsets: list[Array] = [np.full(first, -eye[2])]
@@ -92,10 +90,10 @@ class _Build:
         """Add the pad, what it lies on and what lies on it."""
         target = scene.target
         assert target is not None
-        below = tuple(m for m in target.carrier if m.points_m[:, 2].max() <= _PAD_LEVEL_M)
-        beside = tuple(m for m in target.carrier if m.points_m[:, 2].max() > _PAD_LEVEL_M)
+        below = tuple(m for m in target.carrier if is_under(m))
+        beside = tuple(m for m in target.carrier if not is_under(m))
         self.meshes(place(below, target.world_T_pad), target.velocity_mps, platform=True)
-        rim = target.world_T_pad.apply(outline_m(target, target.pad.extent_m / 2.0))
+        rim = outline_m(target, target.pad.extent_m / 2.0)
         up = target.world_T_pad.rotation[:, 2]
         if up @ (self._eye - target.world_T_pad.translation) > 0.0:
             self._faces.append(replace(Faces.of([rim], PRINT), velocity_mps=np.array([target.velocity_mps])))
@@ -105,8 +103,7 @@ class _Build:
 
     def decal(self, id: int, decal: Decal) -> None:
         """Add the square of a decal."""
-        h = decal.side_m / 2.0
-        rim = decal.world_T_plane.apply(np.array([[h, h, 0.0], [-h, h, 0.0], [-h, -h, 0.0], [h, -h, 0.0]]))
+        rim = decal.corners_m
         up = decal.world_T_plane.rotation[:, 2]
         self._normals[0][id], self._offsets[0][id] = up, up @ (rim[0] - self._eye)
         if up @ (self._eye - rim[0]) > 0.0:

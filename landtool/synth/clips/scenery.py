@@ -105,27 +105,8 @@ class ClipScene:
         x, y, z = (float(v) for v in self.motion.velocities_mps(t_s)[0])
         # in the pad's frame what hides it is painted after it; its own motion is that of the pad for one exposure
         above = place(self.hider, world_T_pad.inverse())
-        shadeless = tuple(replace(mesh, casts=False) if _is_under(mesh) else mesh for mesh in self.still.target.carrier)
-        target = replace(
-            self.still.target, world_T_pad=world_T_pad, velocity_mps=(x, y, z), carrier=shadeless, above=above
-        )
-        low = tuple(_lowered(mesh, world_T_pad) for mesh in self.still.target.carrier if _is_under(mesh))
-        return replace(self.still, target=target, shades=(place(self.drone, self.flight.world_T_body(t_s)), low))
-
-
-def _is_under(mesh: Mesh) -> bool:
-    """Whether a body, in the pad frame, nowhere rises over the pad's plane."""
-    return float(mesh.points_m[:, 2].max()) < 1e-6
-
-
-def _lowered(mesh: Mesh, world_T_pad: Pose) -> Mesh:
-    """Return a body under the pad in the world, low enough that it does not shade the pad.
-
-    Shadows on the pad are those on the level of its middle, over which a deck that leans rises on one side.
-    """
-    moved = mesh.moved(world_T_pad)
-    over = max(float(moved.points_m[:, 2].max() - world_T_pad.translation[2]), 0.0)
-    return replace(moved, points_m=moved.points_m - (0.0, 0.0, over))
+        target = replace(self.still.target, world_T_pad=world_T_pad, velocity_mps=(x, y, z), above=above)
+        return replace(self.still, target=target, shades=(place(self.drone, self.flight.world_T_body(t_s)),))
 
 
 def clip_scene(
