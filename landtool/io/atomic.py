@@ -146,7 +146,7 @@ def _output_errors(path: Path, temporary: Path, *, advice: str = "") -> Iterator
         if not named and error.errno not in _ONLY_WRITES:
             raise
         reason = f"cannot be written: {error.strerror or error}"
-        hint = _HINTS.get(error.errno or 0, "choose another -o") + advice
+        hint = _HINTS.get(error.errno or 0, "choose another -o") + (advice if temporary.exists() else "")
         raise OutputError(reason, file=path, hint=hint) from error
 
 
@@ -245,7 +245,9 @@ def _refuse_folder(path: Path, target: Path, overwrite: bool, mark: str) -> None
         raise UsageError("is a file, a folder is to be written", file=path, hint="choose another -o")
     here = Path.cwd()
     if target == here or target in here.parents:
-        raise UsageError("is the current folder, which cannot be replaced", file=path, hint="name a new folder with -o")
+        where = "is" if target == here else "holds"
+        reason = f"{where} the current folder, which cannot be replaced"
+        raise UsageError(reason, file=path, hint="name a new folder with -o")
     try:
         names = {entry.name for entry in target.iterdir()}
     except OSError as error:

@@ -57,7 +57,7 @@ class Raster:
 
     def coverage(self, id: int) -> NDArray[np.float32]:
         """Return the share (H, W) of each pixel that sees a surface."""
-        share = (self.centre == id).astype(np.float32)
+        share: NDArray[np.float32] = (self.centre == id).astype(np.float32)
         share.ravel()[self.mixed] = (self.mixed_ids == id).mean(axis=1, dtype=np.float32)
         return share
 

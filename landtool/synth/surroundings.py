@@ -138,10 +138,13 @@ def _moved(polygon: Array, world_T_layout: Pose, scale: float) -> Array:
 def _prop(lot: Lot, rng: np.random.Generator) -> Thing:
     """Return a body somewhere in the picture, or nothing when there is no room."""
     names = tuple(PROPS)
-    thing = tuple(mesh.stretched(lot.scale) for mesh in PROPS[names[int(rng.integers(len(names)))]](rng))
+    make = PROPS[names[int(rng.integers(len(names)))]]
+    spot = _spot(lot, lot.keep_m, rng)
+    if spot is None:  # most of the time that a body takes is its making
+        return ()
+    thing = tuple(mesh.stretched(lot.scale) for mesh in make(rng))
     reach = max(float(np.abs(mesh.points_m[:, :2]).max()) for mesh in thing)
-    spot = _spot(lot, reach + lot.keep_m, rng)
-    return () if spot is None else place(thing, spot)
+    return place(thing, spot) if np.hypot(*spot.translation[:2]) > reach + lot.keep_m else ()
 
 
 def _spot(lot: Lot, keep_m: float, rng: np.random.Generator) -> Pose | None:

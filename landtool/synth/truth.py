@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from landtool.camera import Camera
 from landtool.errors import UsageError
 from landtool.geometry import Array, Pose
 from landtool.pad import PadSpec, PadTag
+from landtool.synth.scene import Target
+from landtool.synth.view import View
 
 _RIM_POINTS = 720
 
@@ -50,6 +54,35 @@ def box_of_rim(camera: Camera, rim_px: Array, *, clip: bool = True) -> Array | N
 def visible_of_rim(camera: Camera, rim_px: Array) -> float:
     """Return the part of a convex outline (N, 2) in pixels that the image holds, by area, in [0, 1]."""
     return float(np.clip(_area(_clipped(rim_px, camera)) / _area(rim_px), 0.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class SeenTarget:
+    """How a pad is seen in a picture, rolling shutter and bent sheet in it.
+
+    visible_fraction: share of the disc inside the ring's outer circle that is in the picture and not hidden. box_px:
+    (4,) as `box_of_rim`, None where the picture holds none of the ring's outer circle. tag_corners_px: (4, 2) of its
+    first tag, in the picture or not, in the order of `tag_corners_px`; None for a pad without a tag.
+    """
+
+    visible_fraction: float
+    box_px: Array | None
+    tag_corners_px: Array | None
+
+
+def seen_target(target: Target, view: View, hidden: float) -> SeenTarget:
+    """Return how a view sees the pad. hidden: share of the disc, of its part in the picture, that something hides.
+
+    Raises UsageError for a pad without a ring.
+    """
+    rim = view.project(target.on_sheet(rim_m(target.pad)), target.velocity_mps)
+    corners = None
+    if target.pad.tags:
+        corners = view.project(target.on_sheet(target.pad.tag_corners_m(target.pad.tags[0])), target.velocity_mps)
+    if not np.isfinite(rim).all():  # a part of it is where the lens sees nothing
+        return SeenTarget(0.0, None, corners)
+    share = visible_of_rim(view.camera, rim) * (1.0 - hidden)
+    return SeenTarget(share, box_of_rim(view.camera, rim), corners)
 
 
 def rim_m(pad: PadSpec) -> Array:

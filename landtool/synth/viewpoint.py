@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from landtool.camera import Camera
+from landtool.errors import UsageError
 from landtool.geometry import Array, Pose, rotation_from_rotvec
 from landtool.io.poses import STRAIGHT_DOWN
 from landtool.pad import PadSpec
@@ -16,7 +17,7 @@ from landtool.synth.truth import rim_m, visible_of_rim
 
 # sights flatter than this against the ground show nothing of a pad
 _FLATTEST_RAD = math.radians(75.0)
-_TRIES = 40
+_TRIES, _ROUNDS = 40, 200
 # centres of cut pads lie up to this share of the picture beyond its border
 _BEYOND = 0.35
 # a pad of fewer pixels is not to be found
@@ -55,8 +56,11 @@ def random_camera(domain: Domain, width: int, height: int, rng: np.random.Genera
 
 
 def random_viewpoint(domain: Domain, pad: PadSpec, camera: Camera, rng: np.random.Generator) -> Viewpoint:
-    """Return a place over the pad from which enough of it is in the picture."""
-    while True:
+    """Return a place over the pad from which enough of it is in the picture.
+
+    Raises UsageError when the domain has none, as far as chance can tell.
+    """
+    for _ in range(_ROUNDS):
         tilt, yaw = math.radians(uniform(rng, domain.tilt_deg)), float(rng.uniform(-math.pi, math.pi))
         # a tilted camera looks farther: it is lower by as much, or tilted pictures would have the smaller pads
         height = max(log_uniform(rng, domain.height_m) * math.cos(tilt), domain.height_m[0]) * pad.diameter_m
@@ -67,6 +71,11 @@ def random_viewpoint(domain: Domain, pad: PadSpec, camera: Camera, rng: np.rando
             pad_T_camera = _over(camera, rotation, height, _place(camera, cut, rng))
             if pad_T_camera is not None and _seen_well(domain, pad, camera, pad_T_camera, cut):
                 return Viewpoint(camera, pad_T_camera, height, tilt, yaw)
+    low, high = domain.height_m
+    raise UsageError(
+        f"from heights of {low:g} to {high:g} m hardly any picture shows {100 * domain.least_visible:g} % of the pad",
+        hint="change height_m, tilt_deg, hfov_deg or least_visible, or give larger pictures",
+    )
 
 
 def size_px(camera: Camera, camera_T_pad: Pose, pad: PadSpec) -> float:

@@ -145,7 +145,7 @@ def test_photographs_reach_the_manifest_by_name() -> None:
     [
         (["generate", "imges"], "no such command 'imges'; did you mean 'images'?"),
         (["generate", "images", "--sed", "1"], "no such option '--sed'; did you mean --seed"),
-        (["generate", "preview", "none"], "none"),
+        (["generate", "preview", "none"], "none: is no generated dataset: it has no truth.csv; name a folder that"),
     ],
 )
 def test_a_wrong_call_is_one_line(args: list[str], said: str, capsys: Said) -> None:

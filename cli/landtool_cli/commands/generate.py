@@ -19,7 +19,7 @@ from landtool.io.atomic import refuse_input_as_output
 from landtool.io.local import local_file
 from landtool.io.mcap_build import McapSchema
 from landtool.pad import PadSpec
-from landtool.synth.clips import SCENARIOS, ClipConfig, side_files, write_clip
+from landtool.synth.clips import BOUNDS, SCENARIOS, ClipConfig, side_files, write_clip
 from landtool.synth.dataset import DatasetRequest, DatasetSummary, Progress, write_dataset
 from landtool.synth.dataset.backgrounds import SCIKIT_IMAGE, find_backgrounds
 from landtool_cli import options
@@ -99,20 +99,53 @@ def frame_rate(text: str) -> Fraction:
         raise click.BadParameter(f"'{text}' is no frame rate such as 30 or 30000/1001.") from None
 
 
+def bounded(name: str) -> options.FiniteRange:
+    """Return the range of a number that a clip can be asked for."""
+    return options.FiniteRange(*BOUNDS[name])
+
+
 @command.command("clip")
 @options.output("The clip, .mp4 or .mcap; its truth, odometry, camera and pad are written beside it.", required=True)
 @click.option("--scenario", type=click.Choice(tuple(SCENARIOS)), help="What the platform does.  [default: straight]")
-@click.option("--duration", "duration_s", type=float, metavar="S", help="Seconds.  [default: 6]")
-@click.option("--fps", type=frame_rate, metavar="F", help="Pictures a second, as 30 or 30000/1001.  [default: 30]")
-@click.option("--height", "height_start_m", type=float, metavar="M", help="Height at the start.  [default: 6]")
 @click.option(
-    "--fog", "fog_beta", type=float, metavar="BETA", help="Extinction a metre, 3.9 / visibility.  [default: 0]"
+    "--duration",
+    "duration_s",
+    type=bounded("duration_s"),
+    metavar="S",
+    help="Seconds.  [default: 6]",
 )
-@click.option("--wind", "wind_mps", type=float, metavar="V", help="Mean wind in m/s, gusts with it.  [default: 2]")
+@click.option("--fps", type=frame_rate, metavar="F", help="Pictures a second, as 30 or 30000/1001.  [default: 30]")
+@click.option(
+    "--height",
+    "height_start_m",
+    type=bounded("height_start_m"),
+    metavar="M",
+    help="Height at the start.  [default: 6]",
+)
+@click.option(
+    "--fog",
+    "fog_beta",
+    type=bounded("fog_beta"),
+    metavar="BETA",
+    help="Extinction a metre, 3.9 / visibility.  [default: 0]",
+)
+@click.option(
+    "--wind",
+    "wind_mps",
+    type=bounded("wind_mps"),
+    metavar="V",
+    help="Mean wind in m/s, gusts with it.  [default: 2]",
+)
 @click.option("--vfr", is_flag=True, default=None, help="Uneven times between the pictures, and gaps.")
 @click.option("--seed", type=click.IntRange(min=0), metavar="S", help="Another seed, another landing.  [default: 0]")
 @click.option("--size", type=size_px, metavar="WxH", help="Size of the pictures, pixels.  [default: 640x480]")
-@click.option("--hfov", "hfov_deg", type=float, metavar="DEG", help="Horizontal field of view.  [default: 70]")
+@click.option(
+    "--hfov",
+    "hfov_deg",
+    type=bounded("hfov_deg"),
+    metavar="DEG",
+    help="Horizontal field of view.  [default: 70]",
+)
 @options.pad
 @click.option("--diameter", "diameter_m", type=options.DIAMETER_M, metavar="M", help="Ring diameter D of the pad.")
 @click.option("--mcap-schema", type=click.Choice(get_args(McapSchema)), help="Messages of a .mcap.  [default: ros2]")

@@ -17,7 +17,7 @@ from landtool.pad import PadSpec
 from landtool.synth.clips.guidance import HEIGHT_END_M, Approach, refuse_steep
 from landtool.synth.clips.scenarios import SCENARIOS, ScenarioName
 
-_BOUNDS = {
+BOUNDS = {
     "duration_s": (0.5, 600.0),
     "height_start_m": (1.0, 60.0),
     "fog_beta": (0.0, 1.0),
@@ -58,7 +58,7 @@ class ClipConfig:
     def __post_init__(self) -> None:
         if self.scenario not in SCENARIOS:
             raise UsageError(f"unknown scenario '{self.scenario}'", hint=f"known: {', '.join(SCENARIOS)}")
-        for name, (low, high) in _BOUNDS.items():
+        for name, (low, high) in BOUNDS.items():
             value = getattr(self, name)
             if not (math.isfinite(value) and low <= value <= high):
                 raise UsageError(f"{name} = {value:g} is impossible", hint=f"give {low:g} to {high:g}")

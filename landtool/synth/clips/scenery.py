@@ -22,16 +22,15 @@ from landtool.synth.grounds import VARIANTS, GroundKind, GroundTexture, ground
 from landtool.synth.mesh import Mesh, Thing, box, place
 from landtool.synth.scene import Mark, Region, Scene, Target
 from landtool.synth.sheet import random_sheet
-from landtool.synth.things import CARRIERS, PROPS, drone
+from landtool.synth.things import CARRIERS, PROPS, VEHICLES, drone
 from landtool.synth.weather import Weather, random_weather
 
 # of light and camera a clip has the better half: what moves through it is to be tracked
 DOMAIN = Domain(light=(0.45, 1.15), sun_elevation_deg=(12.0, 70.0), defocus=0.0, rescaled=0.0, vignette=(0.0, 0.25))
-_CARS = ("sedan", "suv", "van", "trailer", "rover6", "tracked")
 _CARRIERS: dict[ScenarioName, tuple[str, ...]] = {
-    "straight": (*_CARS, "pickup", "flatbed"),
-    "turn": (*_CARS, "pickup", "flatbed"),
-    "stop-and-go": (*_CARS, "pickup", "flatbed"),
+    "straight": VEHICLES,
+    "turn": VEHICLES,
+    "stop-and-go": VEHICLES,
     "figure-eight": ("rover6", "tracked", "trailer"),
     "heave": ("boat",),
     "hover": ("box", "table", "flatbed", "rover6", "tracked"),

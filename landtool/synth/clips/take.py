@@ -18,10 +18,10 @@ from landtool.synth.clips.platform import PlatformMotion
 from landtool.synth.clips.scenarios import SCENARIOS
 from landtool.synth.clips.scenery import DOMAIN, Body, ClipScene, clip_scene, draw_body
 from landtool.synth.clips.times import frame_times_ns
-from landtool.synth.make_sample import light_of, on_sheet, random_sensor
+from landtool.synth.photograph import light_of, random_sensor
 from landtool.synth.scene import Target
 from landtool.synth.sensor import Sensor
-from landtool.synth.truth import box_of_rim, rim_m, visible_of_rim
+from landtool.synth.truth import seen_target
 from landtool.synth.view import View
 from landtool.synth.viewpoint import random_camera
 from landtool.types import Image
@@ -111,12 +111,7 @@ class Take:
 
     def _truth(self, index: int, view: View, target: Target, hidden: float) -> FrameTruth:
         t_ns = self.times_ns[index]
-        rim = view.project(on_sheet(target, rim_m(target.pad)), target.velocity_mps)
-        seen = bool(np.isfinite(rim).all())
-        share = visible_of_rim(self.camera, rim) if seen else 0.0
-        corners = None
-        if target.pad.tags:
-            corners = view.project(on_sheet(target, target.pad.tag_corners_m(target.pad.tags[0])), target.velocity_mps)
+        seen = seen_target(target, view, hidden)
         return FrameTruth(
             index,
             t_ns,
@@ -124,10 +119,10 @@ class Take:
             view.world_T_camera,
             target.world_T_pad,
             np.array(target.velocity_mps),
-            share * (1.0 - hidden),
-            hidden if share else 0.0,
-            box_of_rim(self.camera, rim) if seen else None,
-            corners,
+            seen.visible_fraction,
+            hidden,
+            seen.box_px,
+            seen.tag_corners_px,
         )
 
 

@@ -33,7 +33,8 @@ class DatasetRequest:
     n: pictures. size: width and height, pixels. split: shares of train, val and, if there are three, test.
     photos: backgrounds, with the digest of each.
 
-    Raises UsageError for what cannot be made, InputError for a pad whose tags do not fit on it.
+    Raises UsageError for what cannot be made, InputError for a pad without a ring, with something printed over the
+    ring, or whose tags do not fit on it.
     """
 
     n: int
@@ -51,6 +52,7 @@ class DatasetRequest:
             raise UsageError(f"seed = {self.seed} is negative", hint="give 0 or more")
         refuse_size(self.size)
         refuse_split(self.split)
+        refuse_covered_ring(self.pad)
         refuse_misplaced_tags(self.pad)
 
     @property
@@ -112,6 +114,21 @@ def refuse_split(split: Sequence[float]) -> None:
     if abs(sum(split) - 1.0) > 1e-6:
         hint = "the shares of train, val and test must add up to 1, as 0.8,0.1,0.1"
         raise UsageError(f"split {text} adds up to {sum(split):g}", hint=hint)
+
+
+def refuse_covered_ring(pad: PadSpec) -> None:
+    """Raise InputError when there is no ring to label, it is larger than the board, or something is printed over it."""
+    if pad.ring is None:
+        raise InputError("the pad has no ring to draw a box around", hint="give a pad with [ring]")
+    if pad.board and pad.board.side < pad.ring.outer:
+        raise InputError("the ring sticks out of the board", hint="make the ring smaller or the board larger")
+    letter, zone = pad.letter, pad.quiet_zone
+    for name, width, height in (
+        ("H", letter.width if letter else 0.0, letter.height if letter else 0.0),
+        ("quiet zone", zone.side if zone else 0.0, zone.side if zone else 0.0),
+    ):
+        if math.hypot(width, height) > pad.ring.inner + 1e-9:
+            raise InputError(f"the {name} lies on the ring", hint=f"make the {name} smaller")
 
 
 def refuse_misplaced_tags(pad: PadSpec) -> None:

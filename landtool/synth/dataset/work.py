@@ -17,6 +17,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import islice
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait as wait_for
 from pathlib import Path
 from typing import Protocol
@@ -120,6 +121,7 @@ def draw_images(work: Work, indices: Sequence[int], jobs: int, on_images: Callab
     grounds = work.place.notes / "grounds"
     # a run that was killed may have left some that nobody finishes
     shutil.rmtree(grounds, ignore_errors=True)
+    keep_signals_blocked()
     with ProcessPoolExecutor(jobs, context, initializer=_begin, initargs=(grounds,)) as pool:
         try:
             for done in _all_done(pool, work, chunks, jobs * (1 + _WAITING)):
@@ -157,6 +159,18 @@ def _one_thread() -> Iterator[None]:
         yield
     finally:
         cv2.setNumThreads(before)
+
+
+def keep_signals_blocked() -> None:
+    """Start the helper process of the pool's now, and leave this thread's signals as they are.
+
+    To start it multiprocessing blocks Ctrl-C and then unblocks it, also for a thread that had blocked it itself; the
+    processes that draw would begin with it unblocked, and die of it while they load.
+    """
+    if hasattr(signal, "pthread_sigmask"):
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, ())
+        resource_tracker.ensure_running()
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _begin(grounds: Path) -> None:

@@ -22,6 +22,8 @@ from landtool.synth.dataset.work import Draw, Work, draw_images
 
 MANIFEST = "manifest.json"
 CLASS_NAMES = ("pad",)
+# what `landtool generate preview` adds to a dataset made without
+SHEETS = ("preview.png", "statistics.png")
 
 
 @dataclass(frozen=True)
@@ -59,13 +61,14 @@ def write_dataset(
     request goes on to the same bytes. preview: also draw the contact sheet and the statistics. draw: what draws a
     picture, by default `landtool.synth.make_sample.make_sample`.
 
-    Raises UsageError for jobs below 1 and for a place that is taken, OutputError when it cannot be written, and what
-    drawing raises.
+    Raises UsageError for jobs below 1 and for a place that is taken or holds other files than a dataset's,
+    OutputError when it cannot be written, and what drawing raises.
     """
     if jobs < 1:
         raise UsageError(f"{jobs} jobs cannot work", hint="give 1 or more")
     progress = progress or Progress()
     refuse_input_as_output(request.photo_paths, folder)
+    refuse_foreign_files(folder)
     text = f"{request.as_text()} preview={preview}"
     with resumable_folder(folder, text, overwrite=overwrite, mark=MANIFEST) as place:
         for half in place.whole.rglob(f"{TEMPORARY_PREFIX}*"):  # of a run that was killed while it wrote the tables
@@ -82,6 +85,20 @@ def write_dataset(
         _write_manifest(work)
     splits = {name: sum(split == name for split in work.split_of) for name in request.splits}
     return DatasetSummary(folder, request.n, request.n - len(left), with_pad, splits)
+
+
+def refuse_foreign_files(folder: Path) -> None:
+    """Raise UsageError when a dataset's folder holds a file that is not of the dataset: `--overwrite` would lose it."""
+    try:
+        own = json.loads((folder / MANIFEST).read_bytes())["files"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return  # no dataset: `resumable_folder` says so
+    known = {MANIFEST, *SHEETS, *own}
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if not path.is_dir() and name not in known:
+            hint = "move it away or choose another -o"
+            raise UsageError(f"holds {name}, which is not of the dataset", file=folder, hint=hint)
 
 
 def _draw() -> Draw:

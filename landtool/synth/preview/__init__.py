@@ -10,7 +10,7 @@ import numpy as np
 from landtool.errors import UsageError
 from landtool.io.atomic import atomic_path
 from landtool.synth.preview.correlation import Correlation, correlations
-from landtool.synth.preview.facts import measure_brightness, read_facts
+from landtool.synth.preview.facts import TRUTH, measure_brightness, read_facts
 from landtool.synth.preview.labels import labelled, read_labels
 from landtool.synth.preview.sheet import contact_sheet, evenly
 from landtool.synth.preview.statistics import draw_statistics, truth_correlations
@@ -35,6 +35,9 @@ def write_preview(
     """
     if not 1 <= count <= MAX_COUNT:
         raise UsageError(f"a preview of {count} pictures is impossible", hint=f"give 1 to {MAX_COUNT}")
+    if not (dataset / TRUTH).is_file():
+        hint = "name a folder that `landtool generate images` wrote"
+        raise UsageError(f"is no generated dataset: it has no {TRUTH}", file=dataset, hint=hint)
     folder = dataset if output is None else output
     preview, statistics = folder / "preview.png", folder / "statistics.png"
     # both files are reserved before the work, and appear together

@@ -20,12 +20,11 @@ class Carrier:
 
     thing: in the pad's frame, so the ground is at z = -pad_height_m. First come the meshes that end at the pad's
     plane or below it, then those that rise above it, as a cab or a railing; these are beside the pad, and are to be
-    painted after it. top_albedo: of the surface the pad lies on.
+    painted after it.
     """
 
     thing: Thing
     pad_height_m: float
-    top_albedo: Albedo
 
 
 _Builder = Callable[[Generator, float, float], Body]
@@ -48,9 +47,8 @@ def _carrier(build: _Builder, *, turned: float, plated: float) -> Callable[[Gene
         parts = place(body.thing, pad_T_body)
         below = [mesh for mesh in parts if mesh.points_m[:, 2].max() <= 1e-9]
         above = [mesh for mesh in parts if mesh.points_m[:, 2].max() > 1e-9]
-        top = body.deck_albedo if plate is None else _albedo(plate)
         plates = [] if plate is None else [plate]
-        return Carrier((*below, *plates, *above), body.deck_m[2] + lift, top)
+        return Carrier((*below, *plates, *above), body.deck_m[2] + lift)
 
     return make
 
@@ -71,11 +69,6 @@ def _plate(rng: Generator, side_m: float, plate_m: float, deck: Albedo) -> Mesh:
     return box((plate_m, plate_m, thick), (0.0, 0.0, -thick / 2.0), albedo)
 
 
-def _albedo(plate: Mesh) -> Albedo:
-    b, g, r = (float(a) for a in plate.albedo[-1])
-    return (b, g, r)
-
-
 CARRIERS: dict[str, Callable[[Generator, float], Carrier]] = {
     "sedan": _carrier(cars.sedan, turned=0.15, plated=0.35),
     "suv": _carrier(cars.suv, turned=0.15, plated=0.35),
@@ -90,3 +83,6 @@ CARRIERS: dict[str, Callable[[Generator, float], Carrier]] = {
     "boat": _carrier(stands.boat, turned=0.3, plated=0.3),
 }
 """By kind: a maker of carriers from a generator and the side of the pad's board in metres."""
+VEHICLES = ("sedan", "suv", "van", "pickup", "flatbed", "trailer", "rover6", "tracked")
+BOXES = ("box",)
+DECKS = ("table", "boat")

@@ -87,6 +87,22 @@ def test_the_shadow_of_a_body_falls_away_from_the_sun() -> None:
     assert shaded[before[1], before[0]].mean() > 0.8 * bright[before[1], before[0]].mean()
 
 
+def test_a_leaning_deck_does_not_shade_the_pad_on_it_but_a_wall_on_it_does() -> None:
+    leaning = Pose.from_rotvec([0.0, 0.0, 1.0], [0.2, -0.1, 0.3])
+    deck = box((3.0, 2.0, 0.2), (0.0, 0.0, -0.1), (0.4, 0.3, 0.2))
+    wall = box((2.0, 0.1, 1.5), (0.0, -0.8, 0.75), (0.4, 0.3, 0.2))
+    sun = Sun((0.0, -0.8, 0.6), (0.8, 0.8, 0.8), (0.2, 0.2, 0.2))
+    view = View.still(PINHOLE, over(5.0))
+    scene = replace(scene_of(leaning), sun=sun)
+    assert scene.target is not None
+    shaded = {
+        name: render(replace(scene, target=replace(scene.target, carrier=carrier)), view).shaded
+        for name, carrier in (("deck", (deck,)), ("walled", (deck, wall)))
+    }
+    assert shaded["deck"] == 0.0
+    assert shaded["walled"] > 0.5
+
+
 def test_fog_is_undone_by_the_true_transmission_within_two_grey_levels() -> None:
     """Where enough of the light got through for the picture's rounding: t over a half."""
     view = View.still(BENT, over(6.0, tilt_rad=0.3))

@@ -78,6 +78,26 @@ def test_everything_can_be_switched_off() -> None:
     assert truth.beta_per_m == truth.hidden == 0.0
 
 
+def test_what_was_done_to_a_picture_is_said() -> None:
+    always = replace(
+        CLEAN_DOMAIN, curl=1.0, on_vehicle=0.0, on_box=0.0, on_deck=0.0, motion_blur=1.0, motion_blur_px=(3.0, 3.0),
+        occlusion=1.0, overcast=1.0, small_print=1.0, small_print_scale=(4.0, 4.0), least_visible=0.5,
+    )  # fmt: skip
+    said = dict(make_sample(always, PAD, SMALL, 2, 0).truth.applied)
+    assert said["curled"] == said["occluder"] == 1.0
+    assert said["dirty"] == 0.0
+    assert said["sky"] == "overcast"
+    assert said["scale"] == pytest.approx(4.0)
+    assert said["motion_px"] == pytest.approx(3.0)
+    plain = dict(make_sample(CLEAN_DOMAIN, PAD, SMALL, 2, 0).truth.applied)
+    assert plain["curled"] == plain["motion_px"] == plain["occluder"] == 0.0
+
+
+def test_a_domain_without_a_picture_of_the_pad_is_refused_and_not_searched_for_ever() -> None:
+    with pytest.raises(UsageError, match="from heights of 500 to 900 m hardly any picture shows"):
+        make_sample(replace(CLEAN_DOMAIN, height_m=(500.0, 900.0)), PAD, SMALL, 1, 0)
+
+
 @pytest.mark.parametrize("count", [30, pytest.param(200, marks=pytest.mark.full)])
 def test_tag_corners_are_where_the_library_finds_them(count: int) -> None:
     reader = TagReader(ReaderConfig.of_pad(PAD))

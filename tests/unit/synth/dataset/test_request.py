@@ -10,7 +10,7 @@ import pytest
 
 from landtool.errors import InputError, UsageError
 from landtool.io.run_record import HashedFile
-from landtool.pad import Board, PadSpec, PadTag
+from landtool.pad import Board, Letter, PadSpec, PadTag, QuietZone
 from landtool.synth.dataset import DatasetRequest
 from landtool.synth.dataset import backgrounds as backgrounds_module
 from landtool.synth.dataset.backgrounds import find_backgrounds
@@ -84,15 +84,28 @@ def test_a_tag_that_does_not_fit(tags: tuple[PadTag, ...], said: str) -> None:
     [
         PadSpec(tags=(PadTag(size=0.45),)),
         PadSpec(tags=(PadTag(size=0.1), PadTag(id=6, size=0.1, x=0.2, yaw_deg=45.0))),
-        # in a corner of the board, outside the ring; and a tag that holds the whole ring inside its quiet middle
+        # in a corner of the board, outside the ring
         PadSpec(tags=(PadTag(size=0.08, x=0.48, y=0.48),)),
-        PadSpec(tags=(PadTag(size=0.9),), ring=None, letter=None, board=Board(side=1.2)),
         PadSpec(tags=(), board=None),
         PadSpec(diameter_m=0.18),
     ],
 )
 def test_tags_that_fit(pad: PadSpec) -> None:
     assert replace(REQUEST, pad=pad).pad == pad
+
+
+@pytest.mark.parametrize(
+    ("pad", "reason"),
+    [
+        (PadSpec(ring=None), "the pad has no ring"),
+        (PadSpec(quiet_zone=QuietZone(side=3.0)), "the quiet zone lies on the ring"),
+        (PadSpec(letter=Letter(height=0.8, width=0.6)), "the H lies on the ring"),
+        (PadSpec(board=Board(side=0.9)), "the ring sticks out of the board"),
+    ],
+)
+def test_a_ring_that_cannot_be_seen_whole_is_refused(pad: PadSpec, reason: str) -> None:
+    with pytest.raises(InputError, match=reason):
+        replace(REQUEST, pad=pad)
 
 
 def test_every_part_of_a_request_tells_two_apart() -> None:

@@ -213,3 +213,17 @@ class TestTrouble:
     def test_no_jobs(self, tmp_path: Path) -> None:
         with pytest.raises(UsageError, match="0 jobs cannot work"):
             write(tmp_path / "set", jobs=0)
+
+
+def test_overwriting_throws_nothing_away_but_a_dataset(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    write_dataset(request(), folder, preview=False, draw=plain.draw)  # type: ignore[arg-type]
+    (folder / "runs").mkdir()
+    (folder / "runs" / "notes.txt").write_text("mine")
+    with pytest.raises(UsageError, match=r"holds runs/notes\.txt, which is not of the dataset; move it away"):
+        write_dataset(request(), folder, overwrite=True, preview=False, draw=plain.draw)  # type: ignore[arg-type]
+    assert (folder / "runs" / "notes.txt").read_text() == "mine"
+    (folder / "runs" / "notes.txt").unlink()
+    (folder / "preview.png").write_bytes(b"as generate preview writes it")
+    write_dataset(request(), folder, overwrite=True, preview=False, draw=plain.draw)  # type: ignore[arg-type]
+    assert not (folder / "preview.png").exists()
