@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 
 # Each part: its module, with a function `main()` that prints tables, and what they show
@@ -20,6 +21,8 @@ def main(names: list[str]) -> int:
     if unknown:
         print(f"unknown part {unknown[0]}; known: {', '.join(PARTS)}", file=sys.stderr)
         return 2
+    # as `landtool` has it: matrices here are small, and threads that wait for each other count as processor time
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for name in names or PARTS:
         module, text = PARTS[name]
         print(f"\n=== {name}: {text}", flush=True)

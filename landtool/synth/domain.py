@@ -83,7 +83,7 @@ class Domain:
     # share of the pictures in fog
     fog: float = 0.25
     # how far one sees in it (contrast 2 %), metres, drawn evenly in its logarithm
-    visibility_m: Range = (8.0, 400.0)
+    visibility_m: Range = (15.0, 400.0)
     # share of the fogs that are uneven, in banks
     fog_banks: float = 0.3
     # share of the pictures out of focus
