@@ -1,0 +1,1 @@
+"""How good results are against the truth; metrics are pure functions of values."""

@@ -1,0 +1,146 @@
+"""Which detection found which target: greedy matching by score, as COCO defines it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landtool.errors import InputError, UsageError
+from landtool.geometry import Array
+from landtool.io.labels import LabelledImage
+from landtool.types import Detection
+
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+MOST_BOXES = 100  # of a class in a picture that count, those of the highest score: COCO's maxDets
+NOBODY = -1
+
+
+@dataclass(frozen=True, eq=False)
+class PictureBoxes:
+    """Truth and detections of one picture as arrays.
+
+    truth, found: (M, 4) and (N, 4) x_min, y_min, x_max, y_max in pixels. truth_class, found_class: (M,) and (N,)
+    class ids. crowd: (M,). score: (N,), descending. order: (N,) where each was among the detections given.
+    """
+
+    truth: Array
+    truth_class: Ints
+    crowd: Flags
+    found: Array
+    found_class: Ints
+    score: Array
+    order: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """Who belongs to whom in one picture at one IoU.
+
+    target: (N,) the truth each detection found, -1 for none. ignored: (N,) detections of a crowd, which count neither
+    way. detection: (M,) the detection that found each target, -1 for a miss; of a crowd always -1.
+    """
+
+    target: Ints
+    ignored: Flags
+    detection: Ints
+
+
+def picture_boxes(
+    truth: Sequence[LabelledImage], found: Sequence[Sequence[Detection]], names: Sequence[str]
+) -> list[PictureBoxes]:
+    """Return the boxes of each picture; names: of the classes by their ids. Detections beyond MOST_BOXES are left out.
+
+    Raises ValueError unless there is one sequence of detections a picture, UsageError for a detection of another class,
+    InputError for one that is not finite.
+    """
+    if len(truth) != len(found):
+        raise ValueError(f"{len(truth)} pictures, but detections of {len(found)}")
+    ids = {name: class_id for class_id, name in enumerate(names)}
+    return [_boxes_of(image, boxes, ids) for image, boxes in zip(truth, found, strict=True)]
+
+
+def iou(found: Array, truth: Array, crowd: Flags) -> Array:
+    """Return the intersection over union (N, M) of boxes (N, 4) and (M, 4), 0 where both are empty.
+
+    Over a crowd's box (crowd (M,)) the union is the detection alone: it may show any part of the crowd.
+    """
+    low = np.maximum(found[:, None, :2], truth[None, :, :2])
+    high = np.minimum(found[:, None, 2:], truth[None, :, 2:])
+    shared = np.maximum(high - low, 0.0).prod(axis=2)
+    area, truth_area = _area(found)[:, None], _area(truth)[None, :]
+    union = np.where(crowd[None, :], area, area + truth_area - shared)
+    share: Array = np.divide(shared, union, out=np.zeros_like(shared), where=union > 0.0)
+    return share
+
+
+def match(boxes: PictureBoxes, least_iou: float) -> Matches:
+    """Return the matches of one picture: the highest score first, each detection takes the best target left.
+
+    Those of lower scores change nothing for the higher ones, so the matches hold for any least score.
+    """
+    target = np.full(len(boxes.found), NOBODY, np.int64)
+    ignored = np.zeros(len(boxes.found), np.bool_)
+    detection = np.full(len(boxes.truth), NOBODY, np.int64)
+    if not len(boxes.truth):
+        return Matches(target, ignored, detection)
+    overlap = iou(boxes.found, boxes.truth, boxes.crowd)
+    # as COCO has it: an IoU of 1 may come out as a little less
+    near = overlap >= min(least_iou, 1.0 - 1e-10)
+    near &= boxes.found_class[:, None] == boxes.truth_class[None, :]
+    for k in np.flatnonzero(near.any(axis=1)):
+        free = near[k] & (detection == NOBODY) & ~boxes.crowd
+        if free.any():
+            best = _last_best(overlap[k], free)
+            target[k], detection[best] = best, k
+        elif (near[k] & boxes.crowd).any():
+            target[k] = _last_best(overlap[k], near[k] & boxes.crowd)
+            ignored[k] = True
+    return Matches(target, ignored, detection)
+
+
+def _last_best(overlap: Array, allowed: Flags) -> int:
+    """Return the index of the largest overlap among those allowed; the last of equal ones, as COCO has it."""
+    values = np.where(allowed, overlap, -1.0)
+    return len(values) - 1 - int(np.argmax(values[::-1]))
+
+
+def _boxes_of(image: LabelledImage, found: Sequence[Detection], ids: dict[str, int]) -> PictureBoxes:
+    truth = np.array([(b.x_min_px, b.y_min_px, b.x_max_px, b.y_max_px) for b in image.boxes], np.float64)
+    values = np.array([(d.x_min_px, d.y_min_px, d.x_max_px, d.y_max_px, d.score) for d in found], np.float64)
+    values = values.reshape(-1, 5)
+    if not np.isfinite(values).all():
+        raise InputError("has a detection that is not finite", file=image.path, hint="the network is broken")
+    try:
+        classes = np.array([ids[d.label] for d in found], np.int64)
+    except KeyError as error:
+        hint = f"known: {', '.join(ids)}"
+        raise UsageError(f"the detections' class '{error.args[0]}' is none of the dataset's", hint=hint) from None
+    order = np.argsort(-values[:, 4], kind="stable")
+    order = order[_rank_in_class(classes[order]) < MOST_BOXES]
+    return PictureBoxes(
+        truth.reshape(-1, 4),
+        np.array([box.class_id for box in image.boxes], np.int64),
+        np.array([box.crowd for box in image.boxes], np.bool_),
+        values[order, :4],
+        classes[order],
+        values[order, 4],
+        order,
+    )
+
+
+def _rank_in_class(classes: Ints) -> Ints:
+    """Return how many of the same class stand before each, (N,)."""
+    rank = np.zeros(len(classes), np.int64)
+    for class_id in np.unique(classes):
+        rank[classes == class_id] = np.arange(np.count_nonzero(classes == class_id))
+    return rank
+
+
+def _area(boxes: Array) -> Array:
+    area: Array = np.maximum(boxes[:, 2:] - boxes[:, :2], 0.0).prod(axis=1)
+    return area
