@@ -12,6 +12,7 @@ from typing import Any
 from landtool.darknet.network import Convolutional, Layer, MaxPool, Network, Route, Shape, Training, Upsample, Yolo
 from landtool.darknet.section import HINT, Section, line_error, sections
 from landtool.errors import InputError, UsageError
+from landtool.io.atomic import atomic_path
 from landtool.io.local import local_file
 
 _MOST_BYTES = 1 << 20  # a cfg is a few kilobytes of text
@@ -31,11 +32,17 @@ def read_cfg(path: Path) -> Network:
     try:
         if len(data) > _MOST_BYTES:
             raise InputError("is far too long for a cfg", hint=HINT)
-        return parse_cfg(data.decode("utf-8-sig"))
+        return parse_cfg(data.decode())
     except UnicodeDecodeError as error:
         raise InputError("is no text", file=path, hint=HINT) from error
     except InputError as error:
         raise InputError(error.reason, file=path, hint=error.hint) from error
+
+
+def write_cfg(path: Path, network: Network, *, overwrite: bool = False) -> None:
+    """Write the text a network was read from, byte for byte. Raises OutputError, OutputExistsError."""
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        temporary.write_bytes(network.text.encode())
 
 
 def parse_cfg(text: str) -> Network:

@@ -80,24 +80,44 @@ class Section:
 def sections(text: str) -> Iterator[Section]:
     """Yield the sections of a cfg. Raises InputError for a line that is none of one."""
     section: Section | None = None
-    for number, raw in enumerate(text.splitlines(), start=1):
-        line = raw.strip()
-        if not line or line[0] in "#;":
-            continue
+    for number, commented in _lines(text):
+        line = re.split("[#;]", commented, maxsplit=1)[0].rstrip()
         match = re.fullmatch(r"\[(\w+)\]", line)
         if match:
             if section is not None:
                 yield section
             section = Section(match[1], number)
             continue
-        key, equals, value = line.partition("=")
-        if not equals or section is None:
+        if section is None or "=" not in line:
             raise line_error(number, "is neither a [section] nor key=value", HINT)
-        if key.strip() in section.values:
-            raise line_error(number, f"'{key.strip()}' stands twice in [{section.name}]")
-        section.values[key.strip()] = (value.strip(), number)
+        _add(section, line, number)
     if section is not None:
         yield section
+
+
+def only_section(text: str, name: str) -> Section:
+    """Return the keys of a file that has no [section]. Raises InputError for a line that is no key=value."""
+    section = Section(name, 1)
+    for number, line in _lines(text):  # a path may hold a #, so comments have lines of their own here
+        if "=" not in line:
+            raise line_error(number, "is no key=value")
+        _add(section, line, number)
+    return section
+
+
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the lines that say something, counted from 1; a line that begins with # or ; says nothing."""
+    for number, raw in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
+        line = raw.strip()
+        if line and line[0] not in "#;":
+            yield number, line
+
+
+def _add(section: Section, line: str, number: int) -> None:
+    key, _, value = (part.strip() for part in line.partition("="))
+    if key in section.values:
+        raise line_error(number, f"'{key}' stands twice in [{section.name}]")
+    section.values[key] = (value, number)
 
 
 def _float(text: str, line: int, key: str) -> float:
