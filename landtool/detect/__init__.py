@@ -1,0 +1,1 @@
+"""Runs object detection networks stored as ONNX: this project's own and other YOLO models."""
