@@ -29,7 +29,8 @@ class DetectorConfig:
     iou: float = 0.45
     # width and height of the network's input, pixels; none: what the model says
     imgsz: tuple[int, int] | None = None
-    # threads of one inference; none: 1, which leaves the other cores to decoding and encoding
+    # threads of one inference; none: 1, which leaves the other cores to decoding and encoding (a second one gained
+    # nothing on a machine whose two cores were busy)
     threads: int | None = None
     # how the network's output is to be read; none: found out
     layout: str | None = None

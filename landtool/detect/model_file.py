@@ -136,7 +136,7 @@ def _put_in(tensors: list[onnx.TensorProto], file: Path | None) -> None:
             reason = f"its weights in {place.name} are incomplete"
             raise InputError(reason, file=file, hint="copy both files again") from None
         del tensor.external_data[:]
-        tensor.data_location = onnx.TensorProto.DEFAULT
+        tensor.ClearField("data_location")
 
 
 def _place(location: str, file: Path | None) -> Path:

@@ -72,14 +72,15 @@ def place(spec: InputSpec, size: tuple[int, int], width: int, height: int) -> Pl
 
 
 class Preprocessor:
-    """Fills network inputs; they are reused, so an input is good until the next one of the same size is prepared."""
+    """Fills network inputs. Their memory is used again: an input is good until the next one is prepared."""
 
     def __init__(self, spec: InputSpec, dtype: np.dtype[Any]) -> None:
         self.spec = spec
         self._dtype = dtype
         # values are multiplied in place, one pass a channel: cv2.dnn.blobFromImage takes over ten times as long
         self._unit = None if spec.full_range or dtype == np.uint8 else dtype.type(1.0 / 255.0)
-        self._inputs: dict[tuple[int, int], tuple[NDArray[Any], Placement]] = {}
+        self._memory: NDArray[Any] = np.empty(0, dtype=dtype)
+        self._filled: tuple[tuple[int, int], Placement] | None = None
 
     def prepare(self, image: Image, size: tuple[int, int]) -> tuple[NDArray[Any], Placement]:
         """Return the input (1, 3, height, width) for a picture (H, W, 3) BGR uint8, and where the picture lies in it.
@@ -98,13 +99,16 @@ class Preprocessor:
         return tensor, placement
 
     def _tensor(self, size: tuple[int, int], placement: Placement) -> NDArray[Any]:
-        """Return the input of this size, its padding filled in."""
-        known = self._inputs.get(size)
-        if known is not None and known[1] == placement:
-            return known[0]
-        tensor = np.empty((1, 3, size[1], size[0]), dtype=self._dtype) if known is None else known[0]
-        tensor.fill(self.spec.grey if self._unit is None else self._dtype.type(self.spec.grey) * self._unit)
-        self._inputs[size] = (tensor, placement)
+        """Return an input of this size, its padding filled in."""
+        count = 3 * size[0] * size[1]
+        if self._memory.size < count:
+            self._memory = np.empty(count, dtype=self._dtype)
+            self._filled = None
+        tensor = self._memory[:count].reshape(1, 3, size[1], size[0])
+        covered = (placement.right - placement.left, placement.bottom - placement.top) == size
+        if not covered and self._filled != (size, placement):
+            tensor.fill(self.spec.grey if self._unit is None else self._dtype.type(self.spec.grey) * self._unit)
+        self._filled = (size, placement)
         return tensor
 
 
