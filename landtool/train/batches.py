@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Generator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -56,7 +56,7 @@ class BatchMaker:
             examples.append(self._example(iteration, size, is_whole, own))
         return _batch(iteration, examples)
 
-    def ahead(self, start: int, stop: int, workers: int = 1) -> Iterator[Batch]:
+    def ahead(self, start: int, stop: int, workers: int = 1) -> Generator[Batch]:
         """Yield the batches of a range of iterations, made in other threads a little before they are asked for."""
         with ThreadPoolExecutor(workers, thread_name_prefix="batches") as pool:
             waiting: deque[Future[Batch]] = deque()
