@@ -122,7 +122,7 @@ def draw_images(work: Work, indices: Sequence[int], jobs: int, on_images: Callab
     # a run that was killed may have left some that nobody finishes
     shutil.rmtree(grounds, ignore_errors=True)
     keep_signals_blocked()
-    with ProcessPoolExecutor(jobs, context, initializer=_begin, initargs=(grounds,)) as pool:
+    with ProcessPoolExecutor(jobs, context, initializer=begin_drawing, initargs=(grounds,)) as pool:
         try:
             for done in _all_done(pool, work, chunks, jobs * (1 + _WAITING)):
                 on_images(done)
@@ -173,7 +173,7 @@ def keep_signals_blocked() -> None:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin(grounds: Path) -> None:
+def begin_drawing(grounds: Path) -> None:
     """Set up a process that draws: Ctrl-C is its parent's to handle, and it ends when its parent does.
 
     grounds: folder in which the processes share what they all need.
