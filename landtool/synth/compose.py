@@ -72,6 +72,7 @@ class Rendered:
         return share
 
 
+@np.errstate(over="ignore")  # rays at the horizon meet the sheet's plane beyond what a float32 holds
 def render(scene: Scene, view: View) -> Rendered:
     """Return the picture of a scene in clear air."""
     target = scene.target
