@@ -30,6 +30,19 @@ class Counter:
         if self.bar is not None:
             self.bar.update()
 
+    def reach(self, done: int, total: int) -> None:
+        """Say how many are done, of how many; those done before the first call take no part in the speed."""
+        if self.bar is not None:
+            if self.bar.total is None:
+                self.bar.reset(total)
+                self.bar.initial = self.bar.n = done - 1
+            self.bar.update(done - self.bar.n)
+
+    def describe(self, text: str) -> None:
+        """Show a short text behind the bar."""
+        if self.bar is not None:
+            self.bar.set_postfix_str(text, refresh=False)
+
 
 @dataclass
 class Console:
