@@ -11,6 +11,11 @@ PARTS = {
     "tags": ("bench.tags", "reading rate, corner error and time of the tag reader against two AprilTag bindings"),
     "track": ("bench.track", "pose by distance, mirror poses, time a frame, memory"),
     "generate": ("bench.generate", "images a second, memory, where the time goes, corner truth, correlations"),
+    "detect": (
+        "bench.detect",
+        "the detector on path-traced and own pictures, in fog, and its time against the bare network",
+    ),
+    "ring": ("bench.ring", "the ring's ellipse against truth"),
     "recordings": ("bench.recordings", "landtool track on the real and path-traced recordings beside the project"),
 }
 

@@ -1,12 +1,24 @@
-"""The detector: accuracy on path-traced and on our own pictures, recall in fog, and time against the bare network."""
+"""The detector: accuracy on path-traced and on our own pictures, recall in fog, and time against the bare network.
+
+`python -m bench detect` measures the network in the package. To see another one, and its float32 and int8 forms beside
+each other: `python -m bench.detect [--model MODEL.onnx] [--fp32 MODEL.onnx --int8 MODEL.onnx] [--data DIR/data.yaml]`.
+"""
 
 from __future__ import annotations
 
+import argparse
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from bench.detect_sets import PictureSet
+import cv2
+
+from bench.detect_sets import PictureSet, own_clips, own_fog_set, own_test_set, path_traced_sets, yolo_set
+from bench.detect_speed import Followed, Network, print_speed
 from bench.show import table
+from landtool.detect.config import DetectorConfig
+from landtool.detect.detector import Detector
 from landtool.evaluate.detection import IOUS, DetectionScore, SizeRecall, score_detections
 from landtool.types import Detection, Image
 
@@ -14,6 +26,50 @@ SCORED_CONF = 0.001  # least score of a box that counts in the average precision
 LEAST_PX = 14.0  # targets from here on must be found
 
 Finder = Callable[[Image], Sequence[Detection]]
+
+
+def main(arguments: Sequence[str] = ()) -> None:
+    """Print all tables."""
+    parser = argparse.ArgumentParser(prog="python -m bench.detect")
+    parser.add_argument("--model", type=Path, help="another network than that of the package")
+    parser.add_argument("--fp32", type=Path, help="the same network in float32, for the comparison")
+    parser.add_argument("--int8", type=Path, help="the same network in int8, for the comparison")
+    parser.add_argument("--data", type=Path, help="a YOLO dataset whose split `test` is scored, too")
+    options = parser.parse_args(arguments)
+    cv2.setNumThreads(1)  # as the networks: one
+    sets = [*path_traced_sets(), own_test_set(), own_fog_set()]
+    if options.data is not None:
+        sets.append(yolo_set(options.data, "test"))
+    detector = Detector(DetectorConfig(model=options.model, conf=SCORED_CONF))
+    print_scores("Shipped network" if options.model is None else options.model.name, score_sets(detector, sets))
+    given = (("fp32", options.fp32), ("int8", options.int8))
+    networks = [Network(name, path) for name, path in given if path is not None]
+    networks = networks or [Network("shipped" if options.model is None else options.model.name, options.model)]
+    _print_variants(networks, [*sets, *own_clips()])
+    print_speed(networks)
+
+
+def score_sets(detector: Detector, sets: Sequence[PictureSet]) -> list[Scored]:
+    """Run a detector, set to give boxes down to SCORED_CONF, on some sets."""
+    return [score_set(detector.detect, pictures) for pictures in sets]
+
+
+def _print_variants(networks: Sequence[Network], sets: Sequence[PictureSet]) -> None:
+    """Print what other ways to run the same network cost in accuracy; single pictures have no regions to follow."""
+    rows = []
+    for pictures in sets:
+        cells = [pictures.name, str(len(pictures.truth))]
+        for network in networks:
+            detector = Detector(DetectorConfig(model=network.path, conf=SCORED_CONF))
+            cells.append(_cell(score_set(detector.detect, pictures).score.map50))
+            cells.append(_cell(score_set(Followed(detector).detect, pictures).score.map50) if pictures.clip else "-")
+        rows.append(cells)
+    names = [f"{network.name}{way}" for network in networks for way in ("", ", regions")]
+    table(
+        "mAP50 of the same pictures: whole frames, and regions where a target was seen",
+        ["set", "pictures", *names],
+        rows,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,3 +127,7 @@ def _size_cell(size: SizeRecall) -> str:
 
 def _cell(value: float | None) -> str:
     return "-" if value is None else f"{value:.4f}"
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

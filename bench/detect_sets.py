@@ -23,7 +23,9 @@ from landtool.synth.make_sample import make_sample
 from landtool.types import Frame, Image
 
 RENDERED = Path(__file__).resolve().parents[2] / "shared" / "data" / "rendered"
+FIXTURES = Path(__file__).resolve().parents[1] / "datasets" / "fixtures"
 SIZE = (640, 480)
+LEAST_VISIBLE = 0.2  # of the pad
 OWN_IMAGES, OWN_SEED = 1120, 0  # `landtool generate images -n 1120`
 FOGGY, FOG_SEED, BETA_PER_M, HEIGHT_M = 150, 4, 0.1, 10.0
 PAD = PadSpec()
@@ -31,12 +33,13 @@ PAD = PadSpec()
 
 @dataclass(frozen=True, eq=False)
 class PictureSet:
-    """Pictures by their place in `truth`. names: of the classes by their ids."""
+    """Pictures by their place in `truth`. names: of the classes by their ids. clip: they follow each other."""
 
     name: str
     truth: Sequence[LabelledImage]
     picture: Callable[[int], Image]
     names: tuple[str, ...] = ("pad",)
+    clip: bool = False
 
 
 def path_traced_sets() -> list[PictureSet]:
@@ -51,6 +54,11 @@ def path_traced_sets() -> list[PictureSet]:
         fog = RENDERED / "fog" / "labels.csv"
         sets += [_of_csv("path-traced fog", fog), _of_csv("the same, clear", fog, "clear")]
     return sets
+
+
+def own_clips() -> list[PictureSet]:
+    """Return the clips shipped as fixtures; frames that show less than LEAST_VISIBLE of the pad count neither way."""
+    return [_own_clip(table.with_name(table.name.replace(".truth.csv", ".mp4"))) for table in _fixture_tables()]
 
 
 def own_test_set() -> PictureSet:
@@ -90,12 +98,30 @@ def _of_csv(name: str, table: Path, column: str = "file") -> PictureSet:
 
 
 def _of_clip(name: str, clip: Path) -> PictureSet:
+    return _clip(name, clip, [_boxes(row) for row in _rows(clip.with_suffix(".csv"))])
+
+
+def _fixture_tables() -> list[Path]:
+    return sorted(FIXTURES.glob("*.truth.csv"))
+
+
+def _own_clip(clip: Path) -> PictureSet:
+    return _clip(clip.stem, clip, [_own_boxes(row) for row in _rows(clip.with_suffix(".truth.csv"))])
+
+
+def _own_boxes(row: dict[str, str]) -> tuple[LabelledBox, ...]:
+    if not row["x_min_px"]:
+        return ()
+    x0, y0, x1, y1 = (float(row[f"{name}_px"]) for name in ("x_min", "y_min", "x_max", "y_max"))
+    return (LabelledBox(0, x0, y0, x1, y1, crowd=float(row["visible_fraction"]) < LEAST_VISIBLE),)
+
+
+def _clip(name: str, clip: Path, boxes: Sequence[tuple[LabelledBox, ...]]) -> PictureSet:
     frames = [frame.image for frame in open_source(clip) if isinstance(frame, Frame)]
-    rows = _rows(clip.with_suffix(".csv"))
-    if len(frames) != len(rows):
-        raise InputError(f"has {len(frames)} frames, its table {len(rows)} rows", file=clip)
-    truth = [LabelledImage(Path(f"{clip.stem}-{i:03d}"), *SIZE, _boxes(row)) for i, row in enumerate(rows)]
-    return PictureSet(name, truth, frames.__getitem__)
+    if len(frames) != len(boxes):
+        raise InputError(f"has {len(frames)} frames, its table {len(boxes)} rows", file=clip)
+    truth = [LabelledImage(Path(f"{clip.stem}-{i:03d}"), *SIZE, each) for i, each in enumerate(boxes)]
+    return PictureSet(name, truth, frames.__getitem__, clip=True)
 
 
 def _rows(table: Path) -> list[dict[str, str]]:

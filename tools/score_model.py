@@ -1,9 +1,10 @@
-"""Score one network, and show its worst pictures.
+"""Score networks, and show their worst pictures.
 
-`python tools/score_model.py MODEL.onnx [--data DIR/data.yaml --split val] [--worst N --out DIR]`: prints how good it is
-on a split of a YOLO dataset or, without one, on the path-traced pictures and on our own test pictures. With --worst it
-writes up to three sheets a set into DIR: targets missed, the largest first; false alarms above 0.3, the surest first;
-boxes found, the poorest first. Truth is green, what was found is red; on the right of each picture the place itself.
+`python tools/score_model.py MODEL.onnx... [--data DIR/data.yaml --split val] [--worst N --out DIR]`: prints how good
+each is on a split of a YOLO dataset or, without one, on the path-traced pictures and on our own test pictures. With
+--worst it writes up to three sheets a set into DIR/MODEL: targets missed, the largest first; false alarms above 0.3,
+the surest first; boxes found, the poorest first. Truth is green, what was found is red; on the right of each picture
+is the place itself.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ class Case:
 def main() -> int:
     """Print the tables and write the sheets."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("model", type=Path)
+    parser.add_argument("model", type=Path, nargs="+")
     parser.add_argument("--data", type=Path, help="data.yaml of a YOLO dataset")
     parser.add_argument("--split", default="val")
     parser.add_argument("--threads", type=int)
@@ -61,10 +62,11 @@ def main() -> int:
         parser.error("--worst needs --out DIR")
     try:
         pictures = sets_of(options.data, options.split)
-        scores = [score_set(finder(options.model, options.threads), each) for each in pictures]
-        print_scores(options.model.name, scores)
-        if options.worst:
-            write_sheets(scores, options.out, options.worst)
+        for model in options.model:
+            scores = [score_set(finder(model, options.threads), each) for each in pictures]
+            print_scores(model.name, scores)
+            if options.worst:
+                write_sheets(scores, options.out / model.stem, options.worst)
     except LandtoolError as error:
         parser.exit(error.exit_code, f"score_model: {error}\n")
     return 0
@@ -182,7 +184,7 @@ def _draw(drawn: Image, boxes: PictureBoxes, corner: Array, scale: float, *, sco
     for k in np.flatnonzero(boxes.score >= SHOWN_CONF):
         corners = (boxes.found[k].reshape(2, 2) - corner) * scale - 0.5
         _box(drawn, pen, corners, VERMILLION)
-        if scores:
+        if scores and pen.sees(corners[0]):
             pen.label(drawn, f"{boxes.score[k]:.2f}", float(corners[0, 0]), float(corners[0, 1]), VERMILLION)
 
 
