@@ -13,6 +13,7 @@ from landtool.darknet.network import Convolutional, MaxPool, Network, Route, Ups
 from landtool.darknet.weights import BATCH_NORM_EPSILON, ConvolutionWeights, Floats, Weights
 
 LEAKY_SLOPE = np.float32(0.1)
+LARGEST_EXPONENT = np.float32(8.0)  # of a box: thousands of times its anchor are none, and must not overflow
 
 
 def run_layers(network: Network, weights: Weights, pictures: Floats) -> dict[int, Floats]:
@@ -107,10 +108,9 @@ def _decode_head(head: Yolo, raw: Floats) -> Floats:
     sides = np.asarray(head.anchors, np.float32)[None, :, :, None, None]
     corner = np.stack(np.meshgrid(np.arange(columns), np.arange(rows))).astype(np.float32)
     stride, scale = np.float32(head.out.stride), np.float32(head.scale_xy)
-    with np.errstate(over="ignore"):  # what becomes infinite here does so everywhere
-        # b = (sigmoid(t) s - (s - 1) / 2 + c) stride,  w = a exp(t)
-        centres = (_sigmoid(cells[:, :, 0:2]) * scale - (scale - 1) / 2 + corner) * stride
-        sizes = sides * np.exp(cells[:, :, 2:4])
+    # b = (sigmoid(t) s - (s - 1) / 2 + c) stride,  w = a exp(t)
+    centres = (_sigmoid(cells[:, :, 0:2]) * scale - (scale - 1) / 2 + corner) * stride
+    sizes = sides * np.exp(np.minimum(cells[:, :, 2:4], LARGEST_EXPONENT))
     scores = _sigmoid(cells[:, :, 4:5]) * _sigmoid(cells[:, :, 5:])
     boxes = np.concatenate([centres, sizes, scores], axis=2)
     return boxes.transpose(0, 2, 1, 3, 4).reshape(batch, 4 + head.classes, count * rows * columns)
