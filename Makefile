@@ -1,6 +1,9 @@
 # landtool. `make help` lists the targets. Needs python3 (3.11 or newer) with venv; everything else goes into .venv.
 
 PYTHON ?= python3
+# Training needs torch; without it its tests are skipped. The build depends on the machine (pytorch.org/get-started):
+# make test TORCH=torch==2.13.0
+TORCH ?=
 VENV := .venv
 BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
@@ -42,7 +45,12 @@ $(VENV)/.installed: pyproject.toml | $(BIN)/python
 	@touch $@
 
 $(VENV)/.installed-dev: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --editable '.[dev]'
+	$(BIN)/python -m pip install --quiet --editable '.[dev]' $(if $(TORCH),'$(TORCH)')
+	@touch $@ $(VENV)/.installed
+
+# A training without a choice of build takes the one the package index has.
+$(VENV)/.installed-train: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable '.[train]' '$(or $(TORCH),torch>=2.4)'
 	@touch $@ $(VENV)/.installed
 
 $(BIN)/python:

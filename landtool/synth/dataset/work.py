@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import ctypes
 import hashlib
 import json
 import multiprocessing
 import os
 import shutil
 import signal
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -26,6 +24,7 @@ import cv2
 
 from landtool.errors import LandtoolError
 from landtool.io.atomic import Unfinished
+from landtool.memory import keep_memory
 from landtool.pad import PadSpec
 from landtool.synth.dataset.request import DatasetRequest
 from landtool.synth.dataset.rows import TruthRow, truth_row
@@ -35,9 +34,6 @@ from landtool.synth.sample import Sample
 
 _CHUNK = 8  # pictures a process is given at a time: small, as Ctrl-C waits for them
 _WAITING = 2  # chunks ready for each process
-# mallopt(3): its parameters, the most that the first accepts, and more than any process has free
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
-_LARGEST_MMAP, _NEVER_TRIM = 32 << 20, 1 << 30
 
 
 class Draw(Protocol):
@@ -180,19 +176,11 @@ def begin_drawing(grounds: Path) -> None:
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     cv2.setNumThreads(1)
-    _keep_memory()
+    keep_memory()
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
     share_grounds(grounds)
-
-
-def _keep_memory() -> None:
-    """Ask GNU's C library to reuse the memory of pictures; to give it back and have it cleared costs a tenth."""
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if mallopt is not None:
-        mallopt(_MMAP_THRESHOLD, _LARGEST_MMAP)
-        mallopt(_TRIM_THRESHOLD, _NEVER_TRIM)
 
 
 def _end_with(sentinel: int) -> None:
