@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-full lint bench fixtures clean
+.PHONY: help demo test test-full lint bench fixtures model clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
@@ -34,6 +34,9 @@ bench: $(VENV)/.installed-dev ## print the tables of speed and accuracy
 
 fixtures: $(VENV)/.installed-dev ## make the files in datasets/fixtures again
 	$(BIN)/python tools/make_fixtures.py
+
+model: $(VENV)/.installed-train ## train the shipped network from nothing: about two hours on two cores
+	$(BIN)/python tools/make_model.py $(foreach place,$(BACKGROUNDS),--backgrounds $(place))
 
 clean: ## remove the environment, caches and builds; runs/ stays
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
