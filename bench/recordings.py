@@ -19,7 +19,7 @@ from landtool.geometry import Array, Pose
 from landtool.io.calibration import read_camera, write_camera
 from landtool.io.source import open_source
 from landtool.io.tables import read_table
-from landtool.run import track
+from landtool.run.tracking import track
 from landtool.types import Frame
 
 SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
+from landtool.detect.config import DetectorConfig
 from landtool.errors import InputError, UsageError
 from landtool.families import canonical_name
 from landtool.io.local import local_file
@@ -28,8 +29,9 @@ BOUNDS = {"hfov_deg": (1.0, 170.0), "diameter_m": (0.01, 100.0), "fps": (0.001, 
 class TagConfig:
     """How tags are read."""
 
-    # pad: only the pad's own tags, where they are expected; all: every tag of `family` in every whole picture
-    which: Literal["pad", "all"] = "pad"
+    # pad: only the pad's own tags, where they are expected; all: every tag of `family` in every whole picture; none:
+    # no tags, with `landtool detect` only
+    which: Literal["pad", "all", "none"] = "pad"
     # read with which = "all", besides the families of the pad
     family: str = "tag36h11"
     # the pictures' tone curve: srgb, none, or a gamma
@@ -75,14 +77,39 @@ class TrackConfig:
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
 
     def __post_init__(self) -> None:
-        for name in self.save:
-            if name not in SAVES:
-                raise UsageError(f"unknown output '{name}'", hint=f"known: {', '.join(SAVES)}")
+        _refuse_unknown_outputs(self.save)
         _refuse_out_of_bounds(self)
+        if self.tags.which == "none":
+            raise UsageError("a track without tags has nothing to measure", hint="give tags.which = pad or all")
         if self.camera_name is not None and self.camera is None:
             raise UsageError("a camera's name, but no file to find it in", hint="give the camchain with --camera")
         if self.camera is not None and self.hfov_deg is not None:
             raise UsageError("--camera and --hfov exclude each other", hint="keep the calibration file")
+
+
+@dataclass(frozen=True)
+class DetectConfig:
+    """Everything `landtool detect` can be told, except its inputs and its output folder."""
+
+    # where the network looks: frame: at every whole picture; region: after a detection around the place it is
+    # expected at, at the whole picture every 15 frames and whenever nothing is seen there
+    search: Literal["frame", "region"] = "frame"
+    # ring: the boxes of the network's class `pad` are moved onto the red ring, to a fraction of a pixel; none: they
+    # stay as the network gives them
+    refine: Literal["ring", "none"] = "ring"
+    # pad TOML: whose tags are read, and whether it has a ring
+    pad: Path | None = None
+    # image topic of an MCAP log; frame rate of a folder of images
+    topic: str | None = None
+    fps: float | None = None
+    # outputs to write
+    save: tuple[str, ...] = SAVES
+    detector: DetectorConfig = field(default_factory=DetectorConfig)
+    tags: TagConfig = field(default_factory=TagConfig)
+
+    def __post_init__(self) -> None:
+        _refuse_unknown_outputs(self.save)
+        _refuse_out_of_bounds(self)
 
 
 @dataclass(frozen=True)
@@ -115,11 +142,21 @@ class GenerateConfig:
             raise UsageError(f"{self.jobs} jobs cannot work", hint="give 1 or more")
 
 
+def _refuse_unknown_outputs(names: tuple[str, ...]) -> None:
+    for name in names:
+        if name not in SAVES:
+            raise UsageError(f"unknown output '{name}'", hint=f"known: {', '.join(SAVES)}")
+
+
 def _refuse_out_of_bounds(settings: Any) -> None:
     for name, (low, high) in BOUNDS.items():
         value = getattr(settings, name, None)
         if value is not None and not low <= value <= high:
             raise UsageError(f"{name} = {value:g} is impossible", hint=f"give {low:g} to {high:g}")
+
+
+# Settings that name files, each with its table
+_FILES = (("", "camera"), ("", "pad"), ("", "mount"), ("", "ego"), ("detector", "model"))
 
 
 def read_config(path: Path) -> dict[str, Any]:
@@ -134,10 +171,11 @@ def read_config(path: Path) -> dict[str, Any]:
         raise UsageError(error.strerror or "cannot be read", file=path) from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(f"no valid TOML: {error}", file=path) from error
-    for key in ("camera", "pad", "mount", "ego"):
-        value = data.get(key)
+    for table, key in _FILES:
+        values = data.get(table, {}) if table else data
+        value = values.get(key) if isinstance(values, dict) else None
         if isinstance(value, str) and (path.parent / value).exists():
-            data[key] = str(path.parent / value)
+            values[key] = str(path.parent / value)
     places = data.get("backgrounds")
     if isinstance(places, list):
         here = path.parent

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 
 from landtool.camera import Camera
+from landtool.io.run_record import StageTime
 from landtool.pad import PadSpec
 from landtool.types import Frame, FrameResult, LostFrame
 
@@ -63,6 +64,11 @@ class Summary:
                 self.longest_gap_s = max(self.longest_gap_s, (result.t_ns - self._last_pose_ns) * 1e-9)
             self._last_pose_ns = result.t_ns
 
+    @property
+    def lossy(self) -> bool:
+        """Whether pictures were not measured."""
+        return self.unmeasured > 0
+
     def lines(self) -> list[str]:
         """Return the summary as text, a fact a line."""
         said = [f"frames {self.frames}, pad measured in {self.posed}, tags read {self.tags}"]
@@ -96,4 +102,74 @@ class Summary:
         if self.unplaced:
             place = f"the drone's own pose is not known at {self.unplaced} of the {self.posed} poses of the pad"
             said.append(f"{place}; check that --ego covers the recording and is on its clock")
+        return said
+
+
+class DetectionSummary:
+    """Counts over a run of `landtool detect`; memory does not grow with its length.
+
+    network: how it is named. conf: the least score it gives. frames, boxed (with a box), boxes (by label), tags, tagged
+    (frames with a tag). unsearched: pictures too small for it.
+    """
+
+    def __init__(self, network: str, conf: float, *, reads_tags: bool = True) -> None:
+        self._network, self._conf, self._reads_tags = network, conf, reads_tags
+        self.frames = self.boxed = self.tags = self.tagged = self.unsearched = 0
+        self.boxes: Counter[str] = Counter()
+        self.searches: Counter[str] = Counter()
+        self._scores: list[float] = []  # of the best box of a frame: least, sum, most
+        self._times: dict[str, StageTime] = {}
+
+    def watch(self, results: Results) -> Iterator[tuple[Frame | LostFrame, FrameResult]]:
+        """Pass results on and take them in."""
+        for frame, result in results:
+            self._add(result)
+            self.unsearched += isinstance(frame, Frame) and result.search is None
+            yield frame, result
+
+    def _add(self, result: FrameResult) -> None:
+        self.frames += 1
+        self.tags += len(result.tags)
+        self.tagged += bool(result.tags)
+        self.searches.update([result.search] if result.search else [])
+        for stage, seconds in result.stage_seconds.items():
+            self._times[stage] = self._times.get(stage, StageTime()).add(seconds)
+        if not result.detections:
+            return
+        self.boxed += 1
+        self.boxes.update(box.label for box in result.detections)
+        best = max(box.score for box in result.detections)
+        least, total, most = self._scores or (best, 0.0, best)
+        self._scores = [min(least, best), total + best, max(most, best)]
+
+    @property
+    def lossy(self) -> bool:
+        """Whether pictures were not searched."""
+        return self.unsearched > 0
+
+    def lines(self) -> list[str]:
+        """Return the summary as text, a fact a line. It says what the network gave, not whether that is right."""
+        share = f" ({self.boxed / self.frames:.1%})" if self.frames else ""
+        said = [f"network {self._network}", f"frames {self.frames}, with a box {self.boxed}{share}"]
+        if self._scores:
+            least, total, most = self._scores
+            kinds = ", ".join(f"{label} {count}" for label, count in self.boxes.most_common(8))
+            more = f" and {len(self.boxes) - 8} more kinds" if len(self.boxes) > 8 else ""
+            said.append(f"boxes: {kinds}{more}; best score of a frame {least:.2f} to {most:.2f}")
+            said[-1] += f", mean {total / self.boxed:.2f}"
+        if self.searches["region"]:
+            said.append(f"searched around the expected place in {self.searches['region']} frames")
+        if self._reads_tags:
+            said.append(f"tags read {self.tags}, in {self.tagged} frames")
+        if self._times:
+            said.append("ms a frame: " + ", ".join(f"{stage} {t.mean_ms:.1f}" for stage, t in self._times.items()))
+        return said
+
+    def notes(self) -> list[str]:
+        """Return what makes the results less than they seem, one sentence each."""
+        said = []
+        if self.frames and not self.boxed:
+            said.append(f"no box of a score of {self._conf:g} or more in any frame; a lower --conf shows weaker ones")
+        if self.unsearched:
+            said.append(f"{self.unsearched} pictures are too small to be searched")
         return said

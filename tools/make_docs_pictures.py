@@ -18,7 +18,7 @@ from landtool.geometry import Array, Pose
 from landtool.io.poses import STRAIGHT_DOWN
 from landtool.io.source import open_source
 from landtool.pad import PadSpec
-from landtool.run import track
+from landtool.run.tracking import track
 from landtool.strokes import BLUE, GREEN, GREY, ORANGE, VERMILLION, WHITE, Color, Pen
 from landtool.synth.dataset import DatasetRequest, write_dataset
 from landtool.synth.domain import Domain

@@ -6,6 +6,7 @@ Paths are handed over unchecked: the library says what is wrong with a file, in 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
@@ -50,6 +51,14 @@ PATH = GivenPath(path_type=Path)
 HFOV_DEG = FiniteRange(*BOUNDS["hfov_deg"])
 FPS = FiniteRange(*BOUNDS["fps"])
 DIAMETER_M = FiniteRange(*BOUNDS["diameter_m"])
+
+
+def size_px(text: str) -> tuple[int, int]:
+    """Return width and height of a text such as 640x480, or fail as click does."""
+    found = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text)
+    if not found:
+        raise click.BadParameter(f"'{text}' is no picture size such as 640x480.")
+    return int(found[1]), int(found[2])
 
 
 def inputs(function: Decorated) -> Decorated:

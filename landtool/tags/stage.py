@@ -11,9 +11,9 @@ from landtool.camera import Camera
 from landtool.geometry import Pose
 from landtool.pad import PadSpec
 from landtool.tags.choose import SolutionChooser
+from landtool.tags.finder import TagFinder
 from landtool.tags.pose import Corners, Solution, pad_corners, pad_solutions
 from landtool.tags.reader import TagReader
-from landtool.tags.search import TagSearch
 from landtool.target.refine import refine_on_edges
 from landtool.types import Frame, Image, PadPose, Search, TagObservation
 
@@ -40,24 +40,17 @@ class TagStage:
     def __init__(
         self, reader: TagReader, pad: PadSpec, camera: Camera, body_T_camera: Pose, *, everywhere: bool = False
     ) -> None:
-        self._reader, self._pad, self._camera = reader, pad, camera
-        self._search = TagSearch(pad)
+        self._pad, self._camera = pad, camera
+        self._finder = TagFinder(reader, pad, everywhere=everywhere)
         self._chooser = SolutionChooser(body_T_camera)
-        self._everywhere = everywhere
 
     def read(self, frame: Frame, world_T_body: Pose | None = None) -> TagReading:
         """Read one frame. world_T_body: the drone's pose at that moment, where it is known."""
-        height, width = frame.image.shape[:2]
-        region = None if self._everywhere else self._search.region(frame.index, width, height)
-        reader = self._reader
-        tags = reader.read_region(frame.image, region) if region else reader.read_frame(frame.image)
-        ours = self._search.ours(frame.index, tags)
-        self._search.saw(frame.index, ours)
-        search: Search = "frame" if region is None else "region"
-        pose, reason = self._pose(ours, frame, world_T_body)
-        if tags and not ours:
+        found = self._finder.find(frame)
+        pose, reason = self._pose(found.ours, frame, world_T_body)
+        if found.tags and not found.ours:
             reason = "no tag of the pad read"
-        return TagReading(tags, pose, search, reason)
+        return TagReading(found.tags, pose, found.search, reason)
 
     def _pose(
         self, tags: tuple[TagObservation, ...], frame: Frame, world_T_body: Pose | None
@@ -83,7 +76,7 @@ class TagStage:
             return tuple(solutions)
         # from either of the two the edges lead to the one true pose, so the second is tried only if the first fails
         for solution in solutions:
-            refined = refine_on_edges(image, corners, solution, self._pad, self._reader.config.tone)
+            refined = refine_on_edges(image, corners, solution, self._pad, self._finder.reader.config.tone)
             if refined is not None:
                 return (refined,)
         return tuple(solutions)

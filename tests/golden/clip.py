@@ -16,7 +16,8 @@ from landtool.io.calibration import read_camera
 from landtool.io.poses import read_ego
 from landtool.io.tables import ReadTable, read_table
 from landtool.pad import PadSpec
-from landtool.run import RunOutcome, track
+from landtool.run.recording import RunOutcome
+from landtool.run.tracking import track
 from landtool.synth.clips.tables import TRUTH_COLUMNS
 from landtool.tracking.ego import EgoTrajectory
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import shlex
 import time
 from collections.abc import Mapping
@@ -34,14 +33,6 @@ def command(ctx: click.Context) -> None:
     help_if_alone(ctx)
 
 
-def size_px(text: str) -> tuple[int, int]:
-    """Return width and height of a text such as 640x480, or fail as click does."""
-    found = re.fullmatch(r"(\d{1,9})x(\d{1,9})", text)
-    if not found:
-        raise click.BadParameter(f"'{text}' is no picture size such as 640x480.")
-    return int(found[1]), int(found[2])
-
-
 def shares(text: str) -> tuple[float, ...]:
     """Return the numbers of a text such as 0.8,0.1,0.1, or fail as click does."""
     try:
@@ -54,7 +45,7 @@ def shares(text: str) -> tuple[float, ...]:
 @options.output("Folder for the dataset.", required=True)
 @click.option("-n", type=click.IntRange(min=1), metavar="N", help="How many images. Required, here or in --config.")
 @click.option("--seed", type=click.IntRange(min=0), metavar="S", help="Another seed, other images.  [default: 0]")
-@click.option("--size", type=size_px, metavar="WxH", help="Size of the images, pixels.  [default: 640x480]")
+@click.option("--size", type=options.size_px, metavar="WxH", help="Size of the images, pixels.  [default: 640x480]")
 @click.option("--split", type=shares, metavar="A,B,C", help="Shares of train, val and test.  [default: 0.8,0.1,0.1]")
 @options.pad
 @click.option("--diameter", "diameter_m", type=options.DIAMETER_M, metavar="M", help="Ring diameter D of the pad.")
@@ -138,7 +129,7 @@ def bounded(name: str) -> options.FiniteRange:
 )
 @click.option("--vfr", is_flag=True, default=None, help="Uneven times between the pictures, and gaps.")
 @click.option("--seed", type=click.IntRange(min=0), metavar="S", help="Another seed, another landing.  [default: 0]")
-@click.option("--size", type=size_px, metavar="WxH", help="Size of the pictures, pixels.  [default: 640x480]")
+@click.option("--size", type=options.size_px, metavar="WxH", help="Size of the pictures, pixels.  [default: 640x480]")
 @click.option(
     "--hfov",
     "hfov_deg",

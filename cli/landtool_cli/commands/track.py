@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import click
 
-from landtool.config import SAVES, TrackConfig, configured, read_config
-from landtool.errors import InputError, LandtoolError, UsageError
+from landtool.config import SAVES, TrackConfig
+from landtool.errors import UsageError
 from landtool.families import FAMILIES
-from landtool.run import RunFiles, RunOutcome, read_files, track
+from landtool.run.tracking import read_files, track
 from landtool.tracking.tracker import BOUNDS
 from landtool_cli import options
-from landtool_cli.batch import batch_exit_code, output_folders
+from landtool_cli.batch import output_folders, run_all
 from landtool_cli.console import Console, pass_console
-from landtool_cli.explain import explain
+from landtool_cli.settings import from_file, with_options
 
 TRACKER = {
     "horizon": ("horizon_s", "S", "How far ahead the platform's place is predicted.  [default: 0.5]"),
@@ -85,80 +86,18 @@ def command(
     files = read_files(settings)
     also_read = [*files.paths, *([config] if config else [])]
     folders = output_folders(inputs, output or Path("runs/track"), overwrite=overwrite, also_read=also_read)
-    failures: list[LandtoolError] = []
-    codes: list[int] = []
-    for path, folder in zip(inputs, folders, strict=True):
-        console.file = path
-        try:
-            outcome = _track_one(console, path, folder, settings, files, overwrite)
-        except Exception as error:  # whatever it is, it must not cost the other inputs
-            if len(inputs) == 1:
-                raise
-            text, _ = explain(error, console)
-            console.error(text)
-            failures.append(error if isinstance(error, LandtoolError) else LandtoolError(text))
-            continue
-        codes.append(outcome.exit_code)
-        _tell(console, path, outcome)
-    return batch_exit_code(codes, failures)
+    run = partial(track, config=settings, files=files, overwrite=overwrite)
+    return run_all(console, inputs, folders, run)
 
 
 def _settings(file: Path | None, flags: dict[str, Any]) -> TrackConfig:
     """Return the settings of a file, if there is one, with the options that were given put in."""
-    base = _from_file(file) if file else TrackConfig()
+    base = from_file(TrackConfig(), file)
     if flags["hfov_deg"] is not None and flags["camera"] is None:  # it stands in for the file's camera too
         base = replace(base, camera=None, camera_name=None)
     if flags["camera"] is not None and flags["hfov_deg"] is None:
         base = replace(base, camera_name=None, hfov_deg=None)
-    try:
-        settings = configured(base, _nested(flags))
-    except InputError as error:  # no file's content but what was typed
-        raise UsageError(error.reason, hint=error.hint) from error
+    settings = with_options(base, flags)
     if flags["tags__family"] and settings.tags.which == "pad":
         raise UsageError("--family is read only with --tags all", hint="the pad's own families are in its file, --pad")
     return settings
-
-
-def _from_file(file: Path) -> TrackConfig:
-    try:
-        return configured(TrackConfig(), read_config(file))
-    except LandtoolError as error:
-        raise type(error)(error.reason, file=error.file or file, hint=error.hint) from error
-
-
-def _nested(flags: dict[str, Any]) -> dict[str, Any]:
-    """Turn the options that were given into nested settings: `tags__tone` goes into `tags`."""
-    values: dict[str, Any] = {}
-    for name, value in flags.items():
-        if value is None:
-            continue
-        table, _, key = name.rpartition("__")
-        (values.setdefault(table, {}) if table else values)[key] = value
-    return values
-
-
-def _track_one(
-    console: Console, path: Path, folder: Path, settings: TrackConfig, files: RunFiles, overwrite: bool
-) -> RunOutcome:
-    with console.counter(label=path.name) as counter:
-        return track(
-            path,
-            folder,
-            settings,
-            files=files,
-            overwrite=overwrite,
-            on_start=lambda info: counter.expect(info.frames_declared),
-            on_frame=lambda _frame, _result: counter.add(),
-        )
-
-
-def _tell(console: Console, path: Path, outcome: RunOutcome) -> None:
-    counts = outcome.counts
-    console.result(f"{path}: {outcome.folder}")
-    for line in outcome.summary.lines():
-        console.result(f"  {line}")
-    console.result(f"  {outcome.summary.frames / outcome.wall_s:.0f} frames/s over {outcome.wall_s:.1f} s")
-    if counts.damaged or counts.lost:
-        console.warning(f"{path}: {counts.damaged} frames damaged, {counts.lost} lost, of {outcome.summary.frames}")
-    for note in outcome.notes:
-        console.warning(f"{path}: {note}")

@@ -1,11 +1,9 @@
-"""One recording through the pipeline into its folder."""
+"""One recording through the whole method: poses, track, prediction."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from contextlib import ExitStack, closing
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -14,41 +12,19 @@ from landtool.camera import Camera
 from landtool.config import BOUNDS, TrackConfig
 from landtool.draw import Overlay
 from landtool.errors import InputError, UsageError
-from landtool.families import canonical_name
 from landtool.geometry import Pose
-from landtool.io.atomic import atomic_folder, refuse_input_as_output
 from landtool.io.calibration import match_camera, read_camera
 from landtool.io.local import local_file, nearest
 from landtool.io.poses import STRAIGHT_DOWN, EgoPoses, read_ego, read_mount
-from landtool.io.prefetch import prefetch
-from landtool.io.run_record import Counts, HashedFile, RunRecord, StageTime, write_run
-from landtool.io.source import Source, SourceInfo, open_source
+from landtool.io.source import SourceInfo
 from landtool.pad import PadSpec
 from landtool.pipeline import SMALLEST_PX, process
-from landtool.sinks import SinkSetup, open_sinks, write_all
+from landtool.run.recording import OnFrame, RunOutcome, RunParts, RunRequest, run_recording
+from landtool.run.tags import tag_reader
 from landtool.summary import Summary
-from landtool.tags.reader import ReaderConfig, TagReader
 from landtool.tags.stage import TagStage
-from landtool.tone import parse_tone
 from landtool.tracking.ego import EgoTrajectory
 from landtool.tracking.platform import PlatformTracker
-from landtool.types import Frame, FrameResult, LostFrame
-
-_AHEAD = 4  # frames decoded, and results measured, ahead of their use: enough to even out their times
-OnFrame = Callable[[Frame | LostFrame, FrameResult], None]
-
-
-@dataclass(frozen=True)
-class RunOutcome:
-    """What became of one input. exit_code: 0, or 3 when frames were lost or damaged."""
-
-    folder: Path
-    summary: Summary
-    counts: Counts
-    timings: dict[str, StageTime]
-    notes: tuple[str, ...]
-    wall_s: float
-    exit_code: int
 
 
 @dataclass(frozen=True)
@@ -115,41 +91,21 @@ def track(
     files: what `read_files` returned for this config, where several recordings share it.
     Raises UsageError, InputError and OutputError as the parts do.
     """
-    started = time.perf_counter()
-    files = files or read_files(config)
-    refuse_input_as_output([path, *files.paths], folder)
-    with ExitStack() as stack:
-        source = stack.enter_context(open_source(path, topic=config.topic, fps=config.fps))
-        setup = _resolve(config, files, source.info)
+    read = files or read_files(config)
+
+    def prepare(info: SourceInfo) -> RunParts:
+        setup = _resolve(config, read, info)
         tracker = PlatformTracker(config.tracker, setup.body_T_camera, setup.ego)
-        temporary = stack.enter_context(atomic_folder(folder, overwrite=overwrite))
-        if on_start is not None:
-            on_start(source.info)
-        sink_setup = SinkSetup(
-            temporary,
-            overlay=Overlay(setup.camera, setup.pad),
-            has_clock=source.info.has_clock,
-            time_base=source.info.time_base,
+        return RunParts(
+            lambda frames: process(frames, tags=_tag_stage(config, setup), tracker=tracker),
+            Summary(setup.camera, setup.pad),
+            Overlay(setup.camera, setup.pad),
             camera_T_reference=lambda result: tracker.camera_T_reference(result.t_ns),
+            notes=tuple(setup.notes),
         )
-        summary = Summary(setup.camera, setup.pad)
-        frames = stack.enter_context(closing(prefetch(iter(source), _AHEAD)))
-        results = process(frames, tags=_tag_stage(config, setup), tracker=tracker)
-        ahead = stack.enter_context(closing(prefetch(results, _AHEAD)))
-        with open_sinks(config.save, sink_setup) as sinks:
-            written = write_all(summary.watch(ahead), sinks, on_frame)
-        said = (*setup.notes, *source.info.notes, *source.report.notes, *(n for s in sinks for n in s.notes))
-        outcome = RunOutcome(
-            folder,
-            summary,
-            _counts(source, written.pictures),
-            written.timings,
-            tuple(dict.fromkeys((*said, *summary.notes()))),
-            time.perf_counter() - started,
-            0 if source.report.complete and not summary.unmeasured else 3,
-        )
-        write_run(temporary, _record([path, *files.paths], config, outcome))
-    return outcome
+
+    request = RunRequest("track", path, folder, config, read.paths, None, overwrite, on_start, on_frame)
+    return run_recording(request, prepare)
 
 
 def _resolve(config: TrackConfig, files: RunFiles, info: SourceInfo) -> _Setup:
@@ -204,25 +160,5 @@ def _ego_topic(topic: str | None, info: SourceInfo) -> EgoTrajectory | None:
 
 
 def _tag_stage(config: TrackConfig, setup: _Setup) -> TagStage:
-    everything = config.tags.which == "all"
-    reader = ReaderConfig.of_pad(setup.pad)
-    wanted = {**dict.fromkeys(reader.wanted), canonical_name(config.tags.family): None} if everything else reader.wanted
-    reader = ReaderConfig(wanted, parse_tone(config.tags.tone), config.tags.max_hamming, config.tags.min_margin)
-    return TagStage(TagReader(reader), setup.pad, setup.camera, setup.body_T_camera, everywhere=everything)
-
-
-def _counts(source: Source, written: int) -> Counts:
-    report = source.report
-    return Counts(report.declared, report.decoded, report.damaged, report.lost, report.skipped, written)
-
-
-def _record(read: list[Path], config: TrackConfig, outcome: RunOutcome) -> RunRecord:
-    return RunRecord(
-        command="track",
-        config=asdict(config),
-        inputs=tuple(HashedFile.of(file) for file in read),
-        counts=outcome.counts,
-        exit_code=outcome.exit_code,
-        timings=outcome.timings,
-        notes=outcome.notes,
-    )
+    reader = tag_reader(config.tags, setup.pad)
+    return TagStage(reader, setup.pad, setup.camera, setup.body_T_camera, everywhere=config.tags.which == "all")

@@ -1,0 +1,112 @@
+"""The far stage: where a network sees objects in each frame, the pad's boxes moved onto its red ring."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from landtool.detect.nms import suppress
+from landtool.detect.search import DetectorSearch, Region
+from landtool.pad import PadSpec
+from landtool.target.ring import fit_ring
+from landtool.tone import Tone
+from landtool.types import Detection, Frame, Image, Search
+
+PAD_LABEL = "pad"  # the class whose boxes are of the ring's outer circle
+MOST_RINGS = 16  # boxes of a picture that are moved: more are false ones, let in by a low --conf
+_SAME_RING_IOU = 0.8  # two boxes moved onto one ring overlap by more
+
+
+class BoxDetector(Protocol):
+    """What finds boxes in pictures, best first: `landtool.detect.detector.Detector`, or a stand-in for it."""
+
+    def detect(self, image: Image) -> tuple[Detection, ...]:
+        """Look at a whole picture (H, W, 3) BGR uint8."""
+        ...
+
+    def detect_region(self, image: Image, region: Region) -> tuple[Detection, ...]:
+        """Look at a part of it; boxes are in pixels of the whole picture."""
+        ...
+
+
+@dataclass(frozen=True)
+class FoundBoxes:
+    """The detections of one frame, best first; search: where was looked."""
+
+    detections: tuple[Detection, ...]
+    search: Search
+
+    @property
+    def pads(self) -> tuple[Detection, ...]:
+        """Those of the pad's own class."""
+        return tuple(seen for seen in self.detections if seen.label == PAD_LABEL)
+
+
+class DetectStage:
+    """Detects frame by frame.
+
+    regions: look around the expected place where there is one. ring_of: the pad whose ring the boxes labelled
+    PAD_LABEL are moved onto; None leaves them as they are. tone: the pictures' curve.
+    """
+
+    def __init__(
+        self, detector: BoxDetector, *, regions: bool = False, ring_of: PadSpec | None = None, tone: Tone = "srgb"
+    ) -> None:
+        self._detector = detector
+        self._search = DetectorSearch() if regions else None
+        self._ring_of, self._tone = ring_of, tone
+
+    def find(self, frame: Frame) -> FoundBoxes:
+        """Detect in one frame. Raises InputError for a network that gives no usable output."""
+        seen, search = self._look(frame)
+        if self._ring_of is not None:
+            seen = self._on_ring(frame.image, seen, self._ring_of)
+        return FoundBoxes(seen, search)
+
+    def _look(self, frame: Frame) -> tuple[tuple[Detection, ...], Search]:
+        image, index = frame.image, frame.index
+        height, width = image.shape[:2]
+        region = None if self._search is None else self._search.next_region(index, width, height)
+        if self._search is None or region is None:
+            seen = self._detector.detect(image)
+        else:
+            seen = self._detector.detect_region(image, region)
+            self._search.saw(index, seen)
+            if self._search.next_region(index, width, height) is not None:
+                return seen, "region"
+            # lost, or cut off by the region's rim: this frame's boxes are not given up
+            seen = self._detector.detect(image)
+        if self._search is not None:
+            self._search.saw(index, seen)
+        return seen, "frame"
+
+    def _on_ring(self, image: Image, seen: Sequence[Detection], pad: PadSpec) -> tuple[Detection, ...]:
+        """Move the pad's boxes onto the ring where it is found; of several on one ring the best stays."""
+        pads = [index for index, box in enumerate(seen) if box.label == PAD_LABEL]
+        moved = list(seen)
+        for index in pads[:MOST_RINGS]:
+            moved[index] = _moved(image, seen[index], pad, self._tone)
+        if len(pads) < 2:
+            return tuple(moved)
+        edges = np.array([_edges(moved[index]) for index in pads])
+        scores = np.array([moved[index].score for index in pads])
+        kept = suppress(edges, scores, np.zeros(len(pads), np.int64), iou=_SAME_RING_IOU, most=len(pads))
+        gone = set(pads) - {pads[index] for index in kept}
+        return tuple(box for index, box in enumerate(moved) if index not in gone)
+
+
+def _moved(image: Image, box: Detection, pad: PadSpec, tone: Tone) -> Detection:
+    fit = fit_ring(image, np.array(_edges(box)), pad, tone)
+    if fit is None:
+        return box
+    x0, y0, x1, y1 = (float(edge) for edge in fit.box_px(image.shape[1], image.shape[0]))
+    if x1 <= x0 or y1 <= y0:
+        return box
+    return replace(box, x_min_px=x0, y_min_px=y0, x_max_px=x1, y_max_px=y1)
+
+
+def _edges(box: Detection) -> tuple[float, float, float, float]:
+    return box.x_min_px, box.y_min_px, box.x_max_px, box.y_max_px

@@ -1,0 +1,17 @@
+"""What the settings say of tags, as parts of a run."""
+
+from __future__ import annotations
+
+from landtool.config import TagConfig
+from landtool.families import canonical_name
+from landtool.pad import PadSpec
+from landtool.tags.reader import ReaderConfig, TagReader
+from landtool.tone import parse_tone
+
+
+def tag_reader(config: TagConfig, pad: PadSpec) -> TagReader:
+    """Return a reader of the pad's own tags, and with `which = "all"` of every tag of the family, too."""
+    wanted = dict(ReaderConfig.of_pad(pad).wanted)
+    if config.which == "all":
+        wanted = {**dict.fromkeys(wanted), canonical_name(config.family): None}
+    return TagReader(ReaderConfig(wanted, parse_tone(config.tone), config.max_hamming, config.min_margin))
