@@ -10,9 +10,9 @@ import numpy as np
 from landtool.camera import Camera
 from landtool.geometry import Array, Pose
 from landtool.pad import PadSpec
-from landtool.panel import BOX, MEASURED, PREDICTED, TAG, TRACKED, draw_banner, draw_panel, panel_lines
+from landtool.panel import BOX, MEASURED, PREDICTED, TAG, TRACKED, draw_banner, draw_panel, panel_lines, panel_size
 from landtool.strokes import BLUE, GREEN, VERMILLION, Color, Pen
-from landtool.types import Frame, FrameResult, Image, PadPose, Track
+from landtool.types import Detection, Frame, FrameResult, Image, PadPose, Track
 
 TRAIL_NS = 2_000_000_000
 RATE_FRAMES = 30  # the processing rate is a mean over this many frames
@@ -61,8 +61,8 @@ class Overlay:
             view = _View(self._camera, camera_T_reference)
             self._remember_height(result.pose, camera_T_reference)
         self._remember(result, track)
-        for box in result.detections:
-            _draw_box(image, pen, (box.x_min_px, box.y_min_px, box.x_max_px, box.y_max_px))
+        for box in reversed(result.detections):  # the best last, over the others
+            pen.line(image, box_corners(box, pen), BOX, closed=True)
         if self._camera is not None and result.pose is not None:
             self._draw_target(image, pen, self._camera, result.pose)
         for tag in result.tags:
@@ -71,9 +71,10 @@ class Overlay:
             self._draw_tracks(image, pen, view, result.tracks)
         if self._camera is not None and result.pose is not None:
             self._draw_axes(image, pen, self._camera, result.pose)
-        self._draw_labels(image, pen, result)
         rate = len(self._seconds) / sum(self._seconds) if any(self._seconds) else None
-        draw_panel(image, pen, panel_lines(result, track, camera_T_reference, rate, metric=self._camera is not None))
+        lines = panel_lines(result, track, camera_T_reference, rate, metric=self._camera is not None)
+        self._draw_labels(image, pen, result, panel_size(pen, lines))
+        draw_panel(image, pen, lines)
         if damage := frame.damage or (result.status == "damaged" and (result.reason or "unknown")):
             draw_banner(image, pen, f"DAMAGED FRAME: {damage}", VERMILLION)
         return image
@@ -135,10 +136,12 @@ class Overlay:
             pen.disc(image, here, 1.5 * pen.line_px, TRACKED)
             _draw_diamond(image, pen, there)
 
-    def _draw_labels(self, image: Image, pen: Pen, result: FrameResult) -> None:
+    def _draw_labels(self, image: Image, pen: Pen, result: FrameResult, panel_px: tuple[int, int]) -> None:
         """Write last, so that no line crosses a text."""
-        for box in result.detections:
-            pen.label(image, f"{box.label} {box.score:.2f}", box.x_min_px, box.y_min_px - pen.line_px, BOX)
+        for box in reversed(result.detections):
+            text = f"{box.label} {box.score:.2f}"
+            x, y = label_place(box, pen, pen.text_width(text) + 6, panel_px)
+            pen.label(image, text, x, y, BOX)
         for tag in result.tags:
             right, bottom = tag.corners_px.max(axis=0)
             pen.label(image, str(tag.tag_id), right + 3, bottom + pen.text_px + 6, TAG)
@@ -175,9 +178,33 @@ def _sigma_ellipse(track: Track, height_m: float) -> Array:
     return np.column_stack([points, np.full(len(points), height_m)])
 
 
-def _draw_box(image: Image, pen: Pen, box: tuple[float, float, float, float]) -> None:
-    x0, y0, x1, y1 = box
-    pen.line(image, np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]]), BOX, closed=True)
+def box_corners(box: Detection, pen: Pen) -> Array:
+    """Return the corners (4, 2) of a line around a box: beside its edges, so that a small target is not covered."""
+    out = pen.line_px
+    x0, y0, x1, y1 = box.x_min_px - out, box.y_min_px - out, box.x_max_px + out, box.y_max_px + out
+    # where the box ends with the picture its line stays in the picture
+    x0, x1 = (float(v) for v in np.clip([x0, x1], 0, pen.width - 1))
+    y0, y1 = (float(v) for v in np.clip([y0, y1], 0, pen.height - 1))
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+
+
+def label_place(box: Detection, pen: Pen, width_px: int, panel_px: tuple[int, int]) -> tuple[float, float]:
+    """Return left and bottom of a box's label: where it covers neither the box nor the panel, if there is such a place.
+
+    panel_px: width and height of the panel in the picture's top-left corner.
+    """
+    height, gap = pen.text_px + 3, 2 * pen.line_px
+    corners = box_corners(box, pen)
+    (left, top), (right, bottom) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    above, below, beside = top - gap, bottom + gap + height, min(top + height, pen.height - 1.0)
+    outside = [(left, above), (left, below), (right + gap, beside), (left - gap - width_px, beside)]
+    outside += [(right - width_px, above), (right - width_px, below)]
+    inside = [(right - gap - width_px, top + gap + height), (left + gap, bottom - gap)]
+    for x, y in outside + inside:
+        in_picture = x >= 0 and x + width_px <= pen.width and y >= height and y <= pen.height
+        if in_picture and (x >= panel_px[0] or y - height >= panel_px[1]):
+            return x, y
+    return outside[0]
 
 
 def _draw_diamond(image: Image, pen: Pen, centre_px: Array) -> None:

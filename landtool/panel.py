@@ -43,7 +43,9 @@ def panel_lines(
     if metric:
         lines += _metric_lines(result.pose, track, camera_T_reference)
     else:
-        lines += [Line("boxes", str(len(result.detections)), mark=BOX), Line("tags", str(len(result.tags)), mark=TAG)]
+        best = max((box.score for box in result.detections), default=None)
+        boxes = str(len(result.detections)) if best is None else f"{len(result.detections)}, best {best:.2f}"
+        lines += [Line("boxes", boxes, mark=BOX), Line("tags", str(len(result.tags)), mark=TAG)]
     rate = UNKNOWN if frames_per_s is None else f"{frames_per_s:.0f} fps"
     return [*lines, Line("processing", rate)]
 
@@ -87,17 +89,22 @@ def lateral_m(pose: PadPose, camera_T_reference: Pose | None) -> float:
     return math.hypot(offset[0], offset[1])
 
 
+def panel_size(pen: Pen, lines: Sequence[Line]) -> tuple[int, int]:
+    """Return width and height, in pixels, of the picture's top-left corner that the panel takes; 0, 0 for none."""
+    pad = pen.text_px // 2
+    width, count = _panel_width(pen, lines), _panel_rows(pen, lines)
+    if width + 2 * pad > pen.width or count < 1:
+        return 0, 0
+    return pad + width, 2 * pad + count * _row_px(pen)
+
+
 def draw_panel(image: Image, pen: Pen, lines: Sequence[Line]) -> None:
     """Draw the panel into the top-left corner, in place: as many lines as fit; nothing when it would be too wide."""
-    pad, row = pen.text_px // 2, round(1.35 * pen.text_px)
-    mark_px = round(0.7 * pen.text_px)
-    names_px = max(pen.text_width(line.name) for line in lines)
-    # wide enough for the usual values, so that the panel keeps its size from frame to frame
-    values_px = max([pen.text_width(line.value) for line in lines] + [round(6.5 * pen.text_px)])
-    width = pad + mark_px + pad + names_px + pad + values_px + pad
-    count = min(len(lines), (pen.height - 3 * pad) // row)
-    if width + 2 * pad > pen.width or count < 1:
+    if panel_size(pen, lines) == (0, 0):
         return
+    pad, row = pen.text_px // 2, _row_px(pen)
+    mark_px = round(0.7 * pen.text_px)
+    width, count = _panel_width(pen, lines), _panel_rows(pen, lines)
     left = top = pad
     shade(image, left, top, width, count * row + pad)
     for i, line in enumerate(lines[:count]):
@@ -107,6 +114,22 @@ def draw_panel(image: Image, pen: Pen, lines: Sequence[Line]) -> None:
             image[corner[1] : baseline, corner[0] : corner[0] + mark_px] = line.mark
         pen.text(image, line.name, left + 2 * pad + mark_px, baseline, GREY)
         pen.text(image, line.value, left + width - pad - pen.text_width(line.value), baseline, line.color)
+
+
+def _panel_width(pen: Pen, lines: Sequence[Line]) -> int:
+    pad = pen.text_px // 2
+    names_px = max(pen.text_width(line.name) for line in lines)
+    # wide enough for the usual values, so that the panel keeps its size from frame to frame
+    values_px = max([pen.text_width(line.value) for line in lines] + [round(6.5 * pen.text_px)])
+    return 4 * pad + round(0.7 * pen.text_px) + names_px + values_px
+
+
+def _panel_rows(pen: Pen, lines: Sequence[Line]) -> int:
+    return min(len(lines), (pen.height - 3 * (pen.text_px // 2)) // _row_px(pen))
+
+
+def _row_px(pen: Pen) -> int:
+    return round(1.35 * pen.text_px)
 
 
 def draw_banner(image: Image, pen: Pen, text: str, ground: Color) -> None:
