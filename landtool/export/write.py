@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -18,7 +18,7 @@ from landtool.errors import InputError, OutputExistsError, UsageError
 from landtool.export.accuracy import Accuracy, compare_accuracy
 from landtool.export.metadata import described, model_entries
 from landtool.export.onnx_graph import build_model
-from landtool.export.parity import Parity, compare
+from landtool.export.parity import Forward, Parity, compare
 from landtool.export.pictures import prepared, trial_pictures
 from landtool.export.quantize import choose_rounding
 from landtool.export.rounding import Storage
@@ -62,9 +62,12 @@ def write_onnx(
     request: ExportRequest,
     *,
     overwrite: bool = False,
+    others: Mapping[str, Forward] | None = None,
     report: Callable[[str], None] = lambda _text: None,
 ) -> Exported:
-    """Write a network as ONNX. report: told what is being done.
+    """Write a network as ONNX.
+
+    others: what else to compare with than the network in numpy, by name. report: told what is being done.
 
     Raises ParityError when the model does not give what the network gives, or rounding costs too much: nothing is
     written then.
@@ -77,7 +80,7 @@ def write_onnx(
         entries = model_entries(network, trained.names, datetime.now(UTC).date())
         report("comparing with the reference")
         exact = build_model(network, weights)
-        parities = compare(network, weights, exact, trial_pictures(TRIAL_PICTURES))
+        parities = compare(network, weights, exact, trial_pictures(TRIAL_PICTURES), others)
         model, accuracy = described(exact, entries), None
         if request.int8 or request.storage != "float32":
             report("rounding")

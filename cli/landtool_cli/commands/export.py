@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,8 @@ from typing import Any
 import click
 
 from landtool.errors import UsageError
-from landtool.export.source import read_trained
+from landtool.export.parity import Forward
+from landtool.export.source import Trained, read_trained
 from landtool.export.write import Exported, ExportRequest, write_darknet, write_onnx
 from landtool_cli import options
 from landtool_cli.console import Console, pass_console
@@ -71,8 +73,18 @@ def command(
     if suffix == ".weights":
         done = write_darknet(output, trained, request, overwrite=overwrite)
     else:
-        done = write_onnx(output, trained, request, overwrite=overwrite, report=console.log)
+        others = _in_torch(trained)
+        done = write_onnx(output, trained, request, overwrite=overwrite, others=others, report=console.log)
     _tell(console, done)
+
+
+def _in_torch(trained: Trained) -> dict[str, Forward]:
+    """Return the network in torch, where that is installed."""
+    if importlib.util.find_spec("torch") is None:
+        return {}
+    from landtool.train.reference import torch_heads  # loads torch
+
+    return {"torch": torch_heads(trained.network, trained.weights)}
 
 
 def _tell(console: Console, done: Exported) -> None:
