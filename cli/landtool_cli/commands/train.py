@@ -12,7 +12,6 @@ from landtool.config import configured, read_config
 from landtool.errors import InputError, LandtoolError, UsageError
 from landtool.train.settings import BOUNDS, Recipe, TrainSettings, darknet_recipe
 from landtool_cli import options
-from landtool_cli.commands.generate import size_px
 from landtool_cli.console import Console, pass_console
 
 _NEEDS_TORCH = "pip install 'landtool[train]', or 'torch>=2.4' for your machine as pytorch.org says"
@@ -28,7 +27,9 @@ def whole_number(name: str) -> click.IntRange:
 @click.option("--data", metavar="DATA", help="data.yaml, a darknet .data, or generate:SEED for generated pictures.")
 @options.output("Folder of the training.  [default: runs/train]")
 @click.option("--cfg", type=options.PATH, metavar="FILE", help="Network, darknet .cfg.  [default: Table I's]")
-@click.option("--size", type=size_px, metavar="WxH", help="Pictures the network is made for.  [default: 640x480]")
+@click.option(
+    "--size", type=options.size_px, metavar="WxH", help="Pictures the network is made for.  [default: 640x480]"
+)
 @click.option("--weights", type=options.PATH, metavar="FILE", help="Start from: .weights, a backbone, a checkpoint.")
 @click.option("--anchors", type=click.Choice(["cfg", "kmeans"]), help="From the cfg, or the labels.  [default: cfg]")
 @click.option("--iterations", type=whole_number("iterations"), metavar="N", help="Steps to take.  [default: 3200]")
