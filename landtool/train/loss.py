@@ -54,9 +54,10 @@ class Losses:
 def darknet_loss(raws: list[Tensor], heads: tuple[Head, ...], targets: Targets) -> Losses:
     """Darknet's loss of YOLOv3, a sum over the cells divided by the number of pictures.
 
-    Centres: cross-entropy of sigmoid(tx); sizes: (tw - t)^2 / 2; both weighted by 2 - w h, shares of the picture.
-    Objectness and classes: cross-entropy; a box that overlaps a target by more than the head's ignore_thresh is no
-    false one. The anchor of the best shape learns, and those above iou_thresh where the cfg gives one.
+    Centres: cross-entropy of sigmoid(tx), scale_x_y undone; sizes: (tw - t)^2 / 2; both weighted by 2 - w h, shares of
+    the picture. Objectness and classes: cross-entropy; a box that overlaps a target by more than the head's
+    ignore_thresh is no false one. The anchor of the best shape learns, and those above iou_thresh where the cfg gives
+    one.
     """
     batch = raws[0].shape[0]
     width, height = raws[0].shape[3] * heads[0].stride, raws[0].shape[2] * heads[0].stride
@@ -69,7 +70,8 @@ def darknet_loss(raws: list[Tensor], heads: tuple[Head, ...], targets: Targets) 
         chosen = raw[at.index]
         truth = targets.boxes[at.target]
         weight = 2.0 - truth[:, 2] * truth[:, 3] / (width * height)
-        offset = truth[:, :2] / head.stride - at.cell
+        # the sigmoid whose decoded centre is the target's: s sigmoid(t) - (s - 1) / 2 = offset
+        offset = (truth[:, :2] / head.stride - at.cell + (head.scale_xy - 1.0) / 2.0) / head.scale_xy
         xy = functional.binary_cross_entropy_with_logits(chosen[:, :2], offset, reduction="none").sum(1)
         size = torch.log(truth[:, 2:] / at.anchor)
         wh = 0.5 * (chosen[:, 2:4] - size).square().sum(1)
