@@ -21,7 +21,8 @@ from typing import Any, Literal
 import click
 
 from landtool import config
-from landtool.config import GenerateConfig, TrackConfig
+from landtool.config import DetectConfig, GenerateConfig, TrackConfig
+from landtool.detect import config as detector
 from landtool.families import tag_family
 from landtool.io.mcap_decoders import VIDEO_CODECS
 from landtool.io.mcap_messages import CALIBRATION_PARSERS, IMAGE_PARSERS
@@ -34,7 +35,7 @@ from landtool_cli.main import COMMANDS, cli
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 _COMMON = ("help", "verbose", "quiet", "debug")
-_BOUNDS = config.BOUNDS | tracker.BOUNDS
+_BOUNDS = config.BOUNDS | tracker.BOUNDS | detector.BOUNDS
 _KINDS = {"int": "whole number", "float": "number", "str": "text", "bool": "true or false", "Path": "file name"}
 
 
@@ -141,6 +142,17 @@ def settings_reference() -> str:
     parts = [_settings_table(TrackConfig(), "", options)]
     for name in ("tags", "tracker"):
         parts += [f"In the table `[{name}]`:", _settings_table(getattr(TrackConfig(), name), f"{name}.", options)]
+    return "\n\n".join(parts)
+
+
+def detect_settings() -> str:
+    """Describe the keys of a settings file for `landtool detect`."""
+    command = cli.get_command(click.Context(cli), "detect")
+    assert command is not None
+    options = {(p.name or "").replace("__", "."): p.opts[0] for p in command.params if isinstance(p, click.Option)}
+    parts = [_settings_table(DetectConfig(), "", options)]
+    for name in ("detector", "tags"):
+        parts += [f"In the table `[{name}]`:", _settings_table(getattr(DetectConfig(), name), f"{name}.", options)]
     return "\n\n".join(parts)
 
 
@@ -326,6 +338,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "commands": command_reference,
     "common options": common_options,
     "settings": settings_reference,
+    "detect settings": detect_settings,
     "generate settings": generate_settings,
     "domain": domain_settings,
     "modules": module_tree,

@@ -17,6 +17,7 @@ from landtool.io.calibration import read_camera, write_camera
 from landtool.io.source import open_source
 from landtool.io.video_out import VideoWriter
 from landtool.types import Frame
+from tests.red_box import red_box
 from tests.shared import ROOT
 
 FIXTURES = ROOT / "datasets" / "fixtures"
@@ -50,6 +51,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.copy(clip, folder / "films")
     for name in ("left", "right"):
         _write_short_clip(folder / f"{name}.mp4", pictures)
+    red_box(folder / "signs.onnx")
     for name, text in _named_blocks().items():
         (folder / name).write_text(text, encoding="utf-8")
     return folder

@@ -13,7 +13,9 @@ import cv2
 import numpy as np
 import pytest
 
-from landtool.config import GenerateConfig, TrackConfig
+from landtool.config import DetectConfig, GenerateConfig, TrackConfig
+from landtool.detect.config import DetectorConfig
+from landtool.detect.layouts import LAYOUTS
 from landtool.inspect.facts import Facts
 from landtool.io.poses import CSV_COLUMNS, STRAIGHT_DOWN, read_mount
 from landtool.io.run_record import Counts, RunRecord, StageTime
@@ -93,10 +95,16 @@ def test_generated_parts_are_fresh(make_docs: ModuleType) -> None:
 
 
 def test_every_setting_is_explained(make_docs: ModuleType) -> None:
-    for kind in (TrackConfig, type(TrackConfig().tags), type(TrackConfig().tracker), GenerateConfig, Domain):
+    tables = (type(TrackConfig().tags), type(TrackConfig().tracker), DetectorConfig, Domain)
+    for kind in (TrackConfig, DetectConfig, GenerateConfig, *tables):
         said = make_docs.field_comments(kind)
         unsaid = [f.name for f in fields(kind) if not said.get(f.name)]
         assert not unsaid, f"{kind.__name__} has no comment above {', '.join(unsaid)}"
+
+
+def test_every_layout_of_networks_is_explained() -> None:
+    text = (DOCS / "detect.md").read_text(encoding="utf-8").split("## Other people's networks")[1]
+    assert [name for row in rows(text.split("\n## ")[0]) for name in row[0].split(", ")] == list(LAYOUTS)
 
 
 @pytest.mark.parametrize("name", list(TABLES))
