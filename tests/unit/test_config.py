@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from landtool.config import TrackConfig, configured, read_config
+from landtool.config import DetectConfig, TrackConfig, configured, read_config
 from landtool.errors import InputError, UsageError
 
 
@@ -47,6 +47,7 @@ def test_a_wrong_key_or_type_is_named(values: dict[str, object], said: str) -> N
         {"tags": {"tone": "bright"}},
         {"tags": {"min_margin": -1}},
         {"tracker": {"horizon_s": -1}},
+        {"tags": {"which": "none"}},
     ],
 )
 def test_values_that_make_no_sense_are_refused(values: dict[str, object]) -> None:
@@ -62,6 +63,21 @@ def test_a_file_names_other_files_relative_to_itself(tmp_path: Path) -> None:
     assert config.camera == tmp_path / "cam.yaml"
     assert config.ego == "/odometry"
     assert config.tracker.coast_s == 3.0
+
+
+def test_a_network_is_named_relative_to_the_file(tmp_path: Path) -> None:
+    (tmp_path / "net.onnx").touch()
+    file = tmp_path / "detect.toml"
+    file.write_text('search = "region"\n[detector]\nmodel = "net.onnx"\nimgsz = [320, 256]\n[tags]\nwhich = "none"\n')
+    config = configured(DetectConfig(), read_config(file))
+    assert (config.detector.model, config.detector.imgsz) == (tmp_path / "net.onnx", (320, 256))
+    assert (config.search, config.tags.which) == ("region", "none")
+
+
+@pytest.mark.parametrize("values", [{"detector": {"conf": 2}}, {"detector": {"imgsz": [16, 480]}}, {"fps": 0}])
+def test_numbers_of_a_detection_that_make_no_sense_are_refused(values: dict[str, object]) -> None:
+    with pytest.raises(UsageError):
+        configured(DetectConfig(), values)
 
 
 def test_broken_and_missing_files(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from landtool.camera import Camera
-from landtool.draw import Overlay, main_track
+from landtool.draw import Overlay, label_place, main_track
 from landtool.geometry import Array, Pose
 from landtool.pad import PadSpec
 from landtool.panel import BOX, MEASURED, PREDICTED, TAG, TRACKED, lateral_m, panel_lines
@@ -133,6 +133,30 @@ class TestPixels:
         image = Overlay().draw(a_frame(image=blank), FrameResult(0, 0, detections=(Detection("pad", 0.5, *box),)))
         ground = Pen.of_image(640, 480).text_width("pad 0.50") * 13
         assert painted(image, BOX).sum() > ground * 0.5  # the letters and the panel's corner take the rest
+
+    @pytest.mark.parametrize(
+        "box",
+        [
+            (300.0, 200.0, 312.0, 212.0),  # far away
+            (300.0, -0.5, 420.0, 120.0),  # at the top: no room above
+            (20.0, 30.0, 150.0, 160.0),  # under the panel
+            (250.0, -0.5, 460.0, 479.5),  # from top to bottom
+            (-0.5, -0.5, 300.0, 479.5),  # the left half
+        ],
+    )
+    def test_no_box_is_covered_by_its_line_or_its_label(self, box: tuple[float, float, float, float]) -> None:
+        pen, seen, panel = Pen.of_image(640, 480), Detection("pad", 0.9, *box), (210, 120)
+        width, height = pen.text_width("pad 0.90") + 6, pen.text_px + 3
+        left, bottom = label_place(seen, pen, width, panel)
+        assert 0 <= left <= 640 - width
+        assert height <= bottom <= 480
+        assert left + width <= box[0] or left >= box[2] or bottom <= box[1] or bottom - height >= box[3]
+        assert left >= panel[0] or bottom - height >= panel[1], "the panel would hide it"
+        image = Overlay().draw(a_frame(), FrameResult(0, 0, detections=(seen,)))
+        # a box that ends with the picture has its line inside it; the panel covers what is under it
+        left, top, right, bottom = np.clip(box, [4, 130, 0, 0], [640, 480, 635, 475]).round().astype(int)
+        inside = np.s_[top + 3 : bottom - 2, left + 3 : right - 2]
+        assert (image[inside] == GROUND).all()
 
     def test_the_frame_itself_is_not_changed(self) -> None:
         blank = picture()
