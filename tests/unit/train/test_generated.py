@@ -60,8 +60,8 @@ def test_only_what_steps_may_use_soon_is_drawn_and_kept(tmp_path: Path) -> None:
         pictures.example(48)
         kept = set(pictures._pictures)
     indices = [int(line) for line in drawn.read_text().split()]
-    assert kept == set(indices) - set(range(48))
-    assert set(indices) <= set(range(48, 64))
+    assert {48, 60, 63} <= set(indices) <= set(range(48, 64))
+    assert {48, 60, 63} <= kept <= set(range(48, 64))  # some of them may be under way still
     assert len(set(indices)) == len(indices)
 
 
