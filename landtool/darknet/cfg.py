@@ -63,7 +63,9 @@ def parse_cfg(text: str) -> Network:
             raise line_error(section.line, f"[{section.name}] is not supported", f"known are {known}")
         layers.append(_LAYERS[section.name](section, layers))
         section.refuse_rest(_HARMLESS[section.name])
-    network = Network(width, height, 3, tuple(layers), net.flag("letter_box"), _training(net), text)
+    network = Network(
+        width, height, 3, tuple(layers), net.flag("letter_box"), net.flag("pyramid"), _training(net), text
+    )
     net.refuse_rest(_HARMLESS["net"])
     _check(network)
     return network

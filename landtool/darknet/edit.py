@@ -19,6 +19,7 @@ def edited(
     width: int | None = None,
     height: int | None = None,
     letterbox: bool | None = None,
+    pyramid: bool | None = None,
     anchors: Sequence[tuple[float, float]] | None = None,
 ) -> Network:
     """Return a network whose cfg says something else; None leaves a key as it is.
@@ -32,6 +33,7 @@ def edited(
         "width": None if width is None else str(width),
         "height": None if height is None else str(height),
         "letter_box": None if letterbox is None else str(int(letterbox)),
+        "pyramid": None if pyramid is None else str(int(pyramid)),
     }
     yolo = {"anchors": None if anchors is None else ", ".join(f"{w:g},{h:g}" for w, h in anchors)}
     lines = network.text.splitlines(keepends=True)

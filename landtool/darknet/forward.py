@@ -13,6 +13,7 @@ from landtool.darknet.network import Convolutional, MaxPool, Network, Route, Ups
 from landtool.darknet.weights import BATCH_NORM_EPSILON, ConvolutionWeights, Floats, Weights
 
 LEAKY_SLOPE = np.float32(0.1)
+GREY = np.float32(114.0 / 255.0)  # beside a picture, as letterboxing has it
 LARGEST_EXPONENT = np.float32(8.0)  # of a box: thousands of times its anchor are none, and must not overflow
 
 
@@ -52,8 +53,28 @@ def decode(network: Network, heads: Sequence[Floats]) -> Floats:
 
 
 def forward(network: Network, weights: Weights, pictures: Floats) -> Floats:
-    """Return the boxes and scores of pictures; see `run_layers` and `decode`."""
-    return decode(network, raw_heads(network, weights, pictures))
+    """Return the boxes and scores of pictures; see `run_layers`, `decode`, and, for a pyramid, `halved`."""
+    full = decode(network, raw_heads(network, weights, pictures))
+    if not network.pyramid:
+        return full
+    return joined(full, decode(network, raw_heads(network, weights, halved(network, pictures))))
+
+
+def halved(network: Network, pictures: Floats) -> Floats:
+    """Return pictures (B, 3, H, W) at half size, filled up with grey right and below to whole cells of the network."""
+    batch, channels, height, width = pictures.shape
+    half = pictures.reshape(batch, channels, height // 2, 2, width // 2, 2).mean(axis=(3, 5))
+    columns, rows = network.half_size(width, height)
+    filled = np.full((batch, channels, rows, columns), GREY, np.float32)
+    filled[:, :, : height // 2, : width // 2] = half
+    return filled
+
+
+def joined(full: Floats, half: Floats) -> Floats:
+    """Return the boxes (B, 4 + classes, N) found in pictures and in their halves, in pixels of the former."""
+    larger = half.copy()
+    larger[:, :4] *= 2.0
+    return np.concatenate([full, larger], axis=2)
 
 
 def _convolve(maps: Floats, layer: Convolutional, numbers: ConvolutionWeights) -> Floats:

@@ -123,7 +123,9 @@ class Training:
 class Network:
     """A network that takes RGB pictures in [0, 1] of `width` x `height` pixels.
 
-    letterbox: whether pictures keep their shape, with borders, or are stretched. text: the cfg it was read from.
+    letterbox: whether pictures keep their shape, with borders, or are stretched. pyramid: whether it looks at a picture
+    twice, in full and in half size, as its deepest cells see no more than about 320 pixels: landtool's own key, which
+    darknet passes over. text: the cfg it was read from.
     """
 
     width: int
@@ -131,6 +133,7 @@ class Network:
     channels: int
     layers: tuple[Layer, ...]
     letterbox: bool = False
+    pyramid: bool = False
     training: Training = field(default_factory=Training)
     text: str = ""
 
@@ -153,6 +156,10 @@ class Network:
     def stride(self) -> int:
         """Input pixels a cell of the coarsest layer stands for; width and height must be multiples."""
         return max(layer.out.stride for layer in self.layers)
+
+    def half_size(self, width: int, height: int) -> tuple[int, int]:
+        """Return the size of the second look at an input: half of it, filled up to whole cells right and below."""
+        return tuple(-(-(side // 2) // self.stride) * self.stride for side in (width, height))  # type: ignore[return-value]
 
     @property
     def parameters(self) -> int:

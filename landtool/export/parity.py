@@ -16,7 +16,7 @@ import numpy as np
 import onnx
 from numpy.typing import NDArray
 
-from landtool.darknet.forward import decode, raw_heads
+from landtool.darknet.forward import decode, halved, joined, raw_heads
 from landtool.darknet.network import Network
 from landtool.darknet.weights import Floats, Weights
 from landtool.detect.decode import channels_first
@@ -27,6 +27,7 @@ from landtool.detect.session import Outputs, Session
 from landtool.errors import LandtoolError
 from landtool.export.onnx_graph import OUTPUT
 from landtool.export.pictures import prepared, smaller_size
+from landtool.export.pyramid import HALF, looking
 from landtool.geometry import Array
 from landtool.types import Image
 
@@ -65,20 +66,25 @@ def compare(
     pictures: Iterable[Image],
     others: Mapping[str, Forward] | None = None,
 ) -> tuple[Parity, ...]:
-    """Compare a float32 model with the network in numpy, and with `others` by their names.
+    """Compare a float32 model that looks once with the network in numpy, and with `others` by their names.
+
+    A network that looks at half size, too, is compared as one that does both.
 
     Every fourth picture is given at about half the size of the network's input.
     Raises ParityError when one is further off than allowed.
     """
     references: dict[str, Forward] = {"numpy": lambda given: raw_heads(network, weights, given), **(others or {})}
-    session = Session(parse_model(_with_heads(model, network).SerializeToString()))
+    session = Session(parse_model(looking(_with_heads(model, network), network).SerializeToString()))
     runs: dict[str, list[_Run]] = {name: [] for name in references}
     for index, image in enumerate(pictures):
         small = index % 4 == 3 and session.fixed_size is None
         given, placement = prepared(network, image, smaller_size(network) if small else None)
         outputs = session.run(given)
         for name, reference in references.items():
-            runs[name].append(_run(network, reference(given), outputs, placement))
+            heads = [reference(given)]
+            if network.pyramid:
+                heads.append(reference(halved(network, given)))
+            runs[name].append(_run(network, heads, outputs, placement))
     parities = tuple(_parity(name, parts) for name, parts in runs.items())
     for parity in parities:
         if not parity.is_equal:
@@ -111,11 +117,16 @@ class _Run:
     placement: Placement
 
 
-def _run(network: Network, heads: Sequence[Floats], outputs: Outputs, placement: Placement) -> _Run:
+def _run(network: Network, looks: Sequence[Sequence[Floats]], outputs: Outputs, placement: Placement) -> _Run:
+    """looks: the raw heads of the picture, and of its half where the network looks at that."""
     arrays = dict(zip(outputs.names, outputs.arrays, strict=True))
-    raws = [arrays[f"layer{index - 1}"] for index, _ in network.heads]
-    raw = max(_largest(np.abs(a - b) / np.maximum(1.0, np.abs(b))) for a, b in zip(raws, heads, strict=True))
-    return _Run(raw, decode(network, heads), arrays[OUTPUT], outputs, placement)
+    raw = 0.0
+    for before, heads in zip(("", HALF), looks, strict=False):
+        raws = [arrays[f"{before}layer{index - 1}"] for index, _ in network.heads]
+        for a, b in zip(raws, heads, strict=True):
+            raw = max(raw, _largest(np.abs(a - b) / np.maximum(1.0, np.abs(b))))
+    found = [decode(network, heads) for heads in looks]
+    return _Run(raw, joined(*found) if network.pyramid else found[0], arrays[OUTPUT], outputs, placement)
 
 
 def _parity(name: str, runs: Sequence[_Run]) -> Parity:

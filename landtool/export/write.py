@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,13 +13,16 @@ import onnx
 from landtool.darknet.cfg import write_cfg
 from landtool.darknet.data import NamesFile, names_text, write_names
 from landtool.darknet.edit import edited
-from landtool.darknet.weights import write_weights
+from landtool.darknet.forward import halved
+from landtool.darknet.network import Network
+from landtool.darknet.weights import Floats, write_weights
 from landtool.errors import InputError, OutputExistsError, UsageError
 from landtool.export.accuracy import Accuracy, compare_accuracy
 from landtool.export.metadata import described, model_entries
 from landtool.export.onnx_graph import build_model
 from landtool.export.parity import Forward, Parity, compare
 from landtool.export.pictures import prepared, trial_pictures
+from landtool.export.pyramid import looking
 from landtool.export.quantize import choose_rounding
 from landtool.export.rounding import Storage
 from landtool.export.source import Trained
@@ -81,10 +84,10 @@ def write_onnx(
         report("comparing with the reference")
         exact = build_model(network, weights)
         parities = compare(network, weights, exact, trial_pictures(TRIAL_PICTURES), others)
-        model, accuracy = described(exact, entries), None
+        model, accuracy = described(looking(exact, network), entries), None
         if request.int8 or request.storage != "float32":
             report("rounding")
-            rounded = described(_rounded(trained, request), entries)
+            rounded = described(looking(_rounded(trained, request), network), entries)
             report("measuring what rounding costs")
             truth = _labelled(request)
             if truth.names != trained.names:
@@ -144,8 +147,16 @@ def _rounded(trained: Trained, request: ExportRequest) -> onnx.ModelProto:
     if request.calibration is None:
         return build_model(network, weights, storage=request.storage)
     files = _spread(_calibration_files(request.calibration))
-    pictures = (prepared(network, _picture(file))[0] for file in files)
-    return build_model(network, weights, rounding=choose_rounding(network, weights, pictures))
+    return build_model(network, weights, rounding=choose_rounding(network, weights, _looked_at(network, files)))
+
+
+def _looked_at(network: Network, files: Sequence[Path]) -> Iterator[Floats]:
+    """Yield what the network is given of each picture."""
+    for file in files:
+        given, _ = prepared(network, _picture(file))
+        yield given
+        if network.pyramid:
+            yield halved(network, given)
 
 
 def _calibration_files(place: Path) -> Sequence[Path]:

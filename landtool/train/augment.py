@@ -22,6 +22,8 @@ GREY = 114  # of borders, as letterboxing has it
 # A target with less than this share of its box left in the picture, or smaller than this, is not learnt
 _LEAST_SHARE = 0.5
 _LEAST_SIDE_PX = 7.0
+# The deepest cells see 318 pixels: a target beyond that is left to the look at half size
+_MOST_SIDE_PX, _FOR_HALF_SIZE_PX = 330.0, 400.0
 _TOWARDS_TARGET = 0.75  # share of the parts that show a target, where there is one
 _MOST_OF_SIDE = 0.9  # of the part's side that a target may take before the part is shown smaller
 
@@ -80,6 +82,17 @@ def clipped(example: Example, window: tuple[float, float, float, float]) -> Exam
     ignored = example.ignored | (share < _LEAST_SHARE) | (size.max(axis=1, initial=0.0) < _LEAST_SIDE_PX)
     there = (size > 0.5).all(axis=1)
     return Example(example.image, boxes[there], example.labels[there], ignored[there])
+
+
+def without_largest(example: Example) -> Example:
+    """Return the example for a network that sees the largest targets at half size: in full they are none.
+
+    In between either answer is right, so they are ignored.
+    """
+    side = (example.boxes[:, 2:] - example.boxes[:, :2]).max(axis=1, initial=0.0)
+    kept = side <= _FOR_HALF_SIZE_PX
+    ignored = example.ignored | (side > _MOST_SIDE_PX)
+    return Example(example.image, example.boxes[kept], example.labels[kept], ignored[kept])
 
 
 def mirrored(example: Example, share: float, rng: np.random.Generator) -> Example:

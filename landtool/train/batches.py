@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from landtool.darknet.network import Network
 from landtool.geometry import Array
-from landtool.train.augment import degraded, four, part, recoloured, whole
+from landtool.train.augment import degraded, four, part, recoloured, whole, without_largest
 from landtool.train.samples import Example, Samples
 from landtool.train.settings import TrainSettings
 
@@ -49,7 +49,10 @@ class BatchMaker:
         rng = np.random.default_rng([settings.seed, 1, iteration // _OF_ONE_SIZE])
         is_whole = bool(rng.random() < settings.whole)
         side = int(rng.choice(settings.sides)) if settings.sides else 0
-        size = (self._network.width, self._network.height) if is_whole else (side, side)
+        size = (side, side)
+        if is_whole:
+            size = (self._network.width, self._network.height)
+            size = self._network.half_size(*size) if self._network.pyramid and rng.random() < 0.5 else size
         examples = []
         for slot in range(settings.batch):
             own = np.random.default_rng([settings.seed, 2, iteration, slot])
@@ -83,7 +86,8 @@ class BatchMaker:
             shown = part(first, *size, settings, rng)
         image = recoloured(shown.image, settings, rng)
         image = degraded(image, rng) if rng.random() < settings.degrade else image
-        return Example(image, shown.boxes, shown.labels, shown.ignored)
+        found = Example(image, shown.boxes, shown.labels, shown.ignored)
+        return without_largest(found) if self._network.pyramid else found
 
     def _drawn(self, iteration: int, rng: np.random.Generator) -> Example:
         pool = self._samples.pool(iteration)

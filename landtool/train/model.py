@@ -11,6 +11,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from landtool.darknet.forward import GREY
 from landtool.darknet.network import Convolutional, MaxPool, Network, Route, Upsample, Yolo
 from landtool.darknet.weights import BATCH_NORM_EPSILON, ConvolutionWeights, Weights
 
@@ -115,6 +116,24 @@ def decode(raw: Tensor, head: Head) -> tuple[Tensor, Tensor]:
     # beyond e^8 nothing is a box any more: keeps an untrained network from overflowing
     size = anchors * raw[..., 2:4].clamp(max=8.0).exp()
     return torch.cat([centre, size], dim=-1), raw[..., 4:]
+
+
+def found_in(model: TinyYolo, pictures: Tensor) -> Tensor:
+    """Return `output0` of pictures (B, 3, H, W), and of their halves where the network looks at these, too."""
+    full = output0([raw.float() for raw in model(pictures)], model.heads)
+    if not model.network.pyramid:
+        return full
+    raws = [raw.float() for raw in model(halved(pictures, model.network))]
+    scale = torch.ones(full.shape[1])
+    scale[:4] = 2.0
+    return torch.cat([full, output0(raws, model.heads) * scale[:, None]], dim=2)
+
+
+def halved(pictures: Tensor, network: Network) -> Tensor:
+    """Return pictures (B, 3, H, W) at half size, filled up with grey right and below to whole cells of the network."""
+    half = functional.avg_pool2d(pictures, 2)
+    columns, rows = network.half_size(pictures.shape[3], pictures.shape[2])
+    return functional.pad(half, (0, columns - half.shape[3], 0, rows - half.shape[2]), value=float(GREY))
 
 
 def output0(raws: list[Tensor], heads: tuple[Head, ...]) -> Tensor:

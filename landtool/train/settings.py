@@ -44,6 +44,8 @@ class TrainSettings:
     cfg: Path | None = None
     # size of the pictures the network is made for, width and height in pixels; none: the cfg's
     size: tuple[int, int] | None = (640, 480)
+    # look at a picture at half its size, too, for targets larger than what a cell sees; costs a quarter more
+    pyramid: bool = True
     # start from these: darknet weights (a backbone will do) or a checkpoint
     weights: Path | None = None
     # anchors of the cfg, or found in the labels by k-means
@@ -115,6 +117,7 @@ def darknet_recipe(settings: TrainSettings) -> TrainSettings:
     return replace(
         settings,
         size=None,
+        pyramid=False,
         anchors="cfg",
         loss="darknet",
         optimizer="sgd",

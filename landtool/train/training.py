@@ -100,6 +100,8 @@ def prepared(settings: TrainSettings, data: TrainingData, tell: Tell) -> Network
         raise UsageError(reason, file=settings.cfg, hint="set classes= and filters= of the cfg to fit")
     if settings.size is not None:
         network = edited(network, width=settings.size[0], height=settings.size[1], letterbox=True)
+    if settings.pyramid:
+        network = edited(network, pyramid=True)
     if settings.anchors == "kmeans":
         count = sum(len(head.anchors) for _, head in network.heads)
         anchors, mean_iou = kmeans_anchors(_shown_sizes(network, data), count, np.random.default_rng(settings.seed))

@@ -12,7 +12,7 @@ from landtool.detect.nms import suppress
 from landtool.detect.preprocess import InputSpec, Preprocessor
 from landtool.evaluate.detection import DetectionScore, score_detections
 from landtool.io.labels import LabelledImage
-from landtool.train.model import TinyYolo, output0
+from landtool.train.model import TinyYolo, found_in
 from landtool.train.samples import Example
 from landtool.types import Detection, Image
 
@@ -46,8 +46,8 @@ class Validator:
         for picture in self.pictures:
             values, placement = prepare.prepare(picture, (network.width, network.height))
             with torch.inference_mode(), torch.autocast("cpu", dtype=torch.bfloat16, enabled=bf16):
-                raws = model(torch.from_numpy(values).contiguous(memory_format=torch.channels_last))
-                rows = output0([raw.float() for raw in raws], model.heads)[0].T.numpy()
+                given = torch.from_numpy(values).contiguous(memory_format=torch.channels_last)
+                rows = found_in(model, given)[0].T.numpy()
             centre, half, scores = rows[:, :2], rows[:, 2:4] / 2.0, rows[:, 4:]
             boxes = np.hstack([centre - half, centre + half])
             found.append(self._detections(placement.to_picture(boxes), scores))

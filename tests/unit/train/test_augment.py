@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from landtool.train.augment import clipped, degraded, four, mirrored, part, recoloured, whole
+from landtool.train.augment import clipped, degraded, four, mirrored, part, recoloured, whole, without_largest
 from landtool.train.samples import Example
 from landtool.train.settings import TrainSettings
 
@@ -150,3 +150,12 @@ def test_degraded_pictures_keep_their_shape_and_can_be_made_again() -> None:
         different += bool((first != image).any())
     assert different >= 15
     assert (image == before).all()
+
+
+def test_the_largest_targets_are_left_to_the_look_at_half_size() -> None:
+    sides = np.array([100.0, 330.0, 331.0, 400.0, 401.0])
+    boxes = np.column_stack([np.zeros((5, 2)), sides, np.full(5, 50.0)])
+    example = Example.of(np.zeros((480, 640, 3), np.uint8), boxes, [0] * 5)
+    left = without_largest(example)
+    assert left.boxes[:, 2].tolist() == [100.0, 330.0, 331.0, 400.0]
+    assert left.ignored.tolist() == [False, False, True, True]

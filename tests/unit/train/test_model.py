@@ -8,11 +8,12 @@ import pytest
 torch = pytest.importorskip("torch", reason="torch is not installed: pip install 'landtool[train]'")
 
 from landtool.darknet.cfg import parse_cfg  # noqa: E402
+from landtool.darknet.edit import edited  # noqa: E402
 from landtool.darknet.forward import forward, raw_heads  # noqa: E402
 from landtool.darknet.network import Network  # noqa: E402
 from landtool.darknet.weights import Weights, parse_weights, weights_bytes  # noqa: E402
-from landtool.train.model import TinyYolo, decode, output0  # noqa: E402
-from tests.unit.darknet.networks import random_weights, settled, small, tiny_yolov3  # noqa: E402
+from landtool.train.model import TinyYolo, decode, found_in, output0  # noqa: E402
+from tests.unit.darknet.networks import SMALL, random_weights, settled, small, tiny_yolov3  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -128,3 +129,15 @@ def test_an_untrained_network_says_there_is_nothing() -> None:
     with torch.no_grad():
         raws = model(torch.rand(2, 3, 32, 64))
     assert max(float(raw[..., 4].sigmoid().max()) for raw in raws) < 0.02
+
+
+def test_a_second_look_at_half_size_is_the_references() -> None:
+    network = edited(parse_cfg(SMALL), pyramid=True)
+    weights = random_weights(network, 5)
+    model = TinyYolo(network)
+    model.load(weights)
+    model.eval()
+    pictures = np.random.default_rng(1).random((2, 3, 24, 40), np.float32)
+    with torch.inference_mode():
+        found = found_in(model, torch.from_numpy(pictures)).numpy()
+    np.testing.assert_allclose(found, forward(network, weights, pictures), rtol=1e-4, atol=1e-4)
