@@ -1,0 +1,124 @@
+"""The pad's whole print as a picture would show it: drawn flat once, then through any affine map and any blur.
+
+The print is measured in units of the ring's outer radius, u to the right of the print and v down it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from landtool.geometry import Array
+from landtool.pad import PadSpec
+from landtool.tone import Tone, decode, encode, srgb_decode
+
+Plane = NDArray[np.float32]
+
+FINE = 2  # samples along a pixel's side
+MARGIN_PX = 8  # the model is drawn this much wider than it is wanted: what the blur reaches
+_TEXELS_ACROSS = 1600
+_TEXELS = 2048
+_LEVELS = 8
+_LUMA = np.array([0.299, 0.587, 0.114])  # ITU-R BT.601, as JPEG and video have it, red first
+_MOST_KERNEL = 2 * FINE * MARGIN_PX - 1
+
+
+@dataclass(frozen=True, eq=False)
+class Print:
+    """A pad's print as textures of two planes (n, n, 2): darkness, 1 is black and 0 white, and the board's coverage.
+
+    levels: each averages 2x2 texels of the one before. texel: of the first, in radii. side: half the board's.
+    """
+
+    levels: tuple[Plane, ...]
+    texel: float
+    side: float
+
+
+@lru_cache(maxsize=4)
+def print_of(pad: PadSpec, tone: Tone) -> Print | None:
+    """Return the print of a pad; None without a board or a ring, as then what is around it is not known."""
+    if pad.board is None or pad.ring is None:
+        return None
+    texel_m = pad.extent_m / _TEXELS_ACROSS
+    planes = np.zeros((_TEXELS, _TEXELS, 2), np.float32)
+    white = _luma(pad.board.color, tone)
+    for shape in pad.shapes():
+        points = np.zeros((_TEXELS, _TEXELS), np.uint8)
+        # columns run along the pad's -y, rows along -x, in 1/16 of a texel
+        place = (_TEXELS / 2.0 - 0.5 - shape.points_m[:, ::-1] / texel_m) * 16.0
+        if shape.radius_m:
+            column, row = place[0].round().astype(int).tolist()
+            cv2.circle(points, (column, row), round(shape.radius_m / texel_m * 16.0), 1, -1, shift=4)
+        else:
+            cv2.fillPoly(points, [place.round().astype(np.int32)], 1, shift=4)
+        planes[points > 0] = (1.0 - _luma(shape.color, tone) / white, 1.0)
+    levels = [planes]
+    for _ in range(_LEVELS - 1):
+        n = len(levels[-1]) // 2
+        levels.append(np.asarray(cv2.resize(levels[-1], (n, n), interpolation=cv2.INTER_AREA), np.float32))
+    radius_m = pad.ring.outer * pad.diameter_m / 2.0
+    return Print(tuple(levels), texel_m / radius_m, pad.board.side / pad.ring.outer)
+
+
+def _luma(color: tuple[int, int, int], tone: Tone) -> float:
+    """Return the light of a grey that has a colour's luma: what is left of it when its colours are smeared."""
+    encoded = encode(srgb_decode(np.array(color) / 255.0), tone)
+    return float(decode(encoded @ _LUMA, tone))
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Where a print is in a patch: pixel (column, row) = axes @ (u, v) + centre, then blurred by a Gaussian.
+
+    axes: (2, 2), centre: (2,), pixels, integer centres. blur: (3,) the variances along x, mixed and along y, px^2;
+    the pixel's own area comes on top.
+    """
+
+    axes: Array
+    centre: Array
+    blur: Array
+
+
+def shown(what: Print, placed: Placed, rows: int, columns: int) -> Plane:
+    """Return darkness and coverage (rows f, columns f, 2) with one spare sample on every side; f is `FINE`."""
+    scale = math.sqrt(max(abs(float(np.linalg.det(placed.axes))), 1e-6)) * FINE  # samples a radius
+    level = min(max(math.floor(math.log2(max(1.0 / (scale * what.texel), 1.0)) + 0.25), 0), _LEVELS - 1)
+    texture = what.levels[level]
+    texel = what.texel * 2**level
+    # sample -> pixel -> print -> texel
+    inverse = np.linalg.inv(placed.axes)
+    kernel = _kernel(placed.blur)
+    reach = kernel.shape[0] // 2 + 1
+    offset = (0.5 - reach) / FINE - 0.5
+    matrix = np.empty((2, 3))
+    matrix[:, :2] = inverse / (FINE * texel)
+    matrix[:, 2] = inverse @ (offset - placed.centre) / texel + (len(texture) / 2.0 - 0.5)
+    size = (columns * FINE + 2 * reach, rows * FINE + 2 * reach)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    sharp = cv2.warpAffine(texture, matrix, size, flags=flags, borderMode=cv2.BORDER_CONSTANT, borderValue=(0, 0))
+    blurred = cv2.filter2D(sharp, -1, kernel, borderType=cv2.BORDER_REPLICATE)
+    cut = reach - 1
+    return np.asarray(blurred[cut : blurred.shape[0] - cut, cut : blurred.shape[1] - cut], np.float32)
+
+
+def _kernel(blur: Array) -> Plane:
+    """Return the kernel (n, n) of sum 1 of a Gaussian of variances (3,) xx, xy, yy, px^2, in samples."""
+    xx, xy, yy = (float(v) * FINE**2 for v in blur)
+    reach = min(math.ceil(2.6 * math.sqrt(max(xx, yy))), _MOST_KERNEL // 2)
+    step = np.arange(-reach, reach + 1, dtype=np.float64)
+    det = xx * yy - xy * xy
+    power = (yy * step[None, :] ** 2 - 2.0 * xy * step[None, :] * step[:, None] + xx * step[:, None] ** 2) / det
+    values = np.exp(-0.5 * power)
+    return np.asarray(values / values.sum(), np.float32)
+
+
+def to_pixels(fine: Plane) -> Plane:
+    """Return the means (h, w) over each pixel's samples (h f, w f)."""
+    rows, columns = fine.shape[0] // FINE, fine.shape[1] // FINE
+    return np.asarray(cv2.resize(fine, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
