@@ -8,7 +8,7 @@ light with Tukey's weights. What is well beyond the board takes no part.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -27,12 +27,14 @@ _MARGIN, _MARGIN_PX = 0.35, 2.0  # of the patch around the box
 _LEAST_COVER = 0.35  # of a pixel by the board, to take part
 _LEAST_PIXELS = 40
 _FIRST_STEPS, _MOST_STEPS = 3, 9
-_STOP = 0.003  # of the radius: the next step would be several times smaller
+_STOP = 0.005  # of the radius: the next step would be several times smaller
 _LONGEST_STEP = 0.25
 _TUKEY = 4.5
 _LEAST_SCALE = 0.012  # of white: what no model explains
 _DISC = 1.1  # squared radius of what counts for the likeness
-_ALIKE = 2.0  # how many neighbouring pixels' errors are one
+_ALIKE = 5.0  # how many neighbouring pixels' errors are one
+_SURE = 0.9  # likeness at which no other start is tried
+_ROOM, _ROOM_PX = 1.25, 2.0  # about the print, of its radii, in what is fitted
 # What is thought before the picture is seen: standard deviations, and the means of blur (px^2) and ground (of white)
 _MAP_SIGMA = 0.12  # of one step, radii
 _BLUR, _BLUR_SIGMA = np.array([0.45, 0.0, 0.45]), 0.5
@@ -40,9 +42,9 @@ _GROUND, _LIGHT_SIGMA = 0.4, 0.3
 _LEAST_BLUR, _MOST_BLUR = 0.08, 6.0  # variances, px^2
 
 # What a print must show, or it is none: found on generated pictures as what parts good fits from bad
-_LEAST_LIKENESS = 0.75
-_LEAST_SHARE = 0.6
-_MOST_SIGMA = 0.012  # of the box's longer side
+_LEAST_LIKENESS = 0.65
+_LEAST_SHARE = 0.55
+_MOST_SIGMA = 0.032  # of the box's longer side
 _MOST_CHANGE, _MOST_CHANGE_PX = 0.15, 2.0
 _MOST_LAST_STEP = 0.02
 
@@ -124,6 +126,8 @@ def register_print(image: Image, box_px: Array, pad: PadSpec, tone: Tone = "srgb
             told = -area * math.log(1.0 - min(max(now.likeness, 0.0), 0.999) ** 2)
             if told > most:
                 best, most = now, told
+            if now.likeness > _SURE:
+                break
     if best is not None:
         best = _fit(light, what, best.placed, best.light, _MOST_STEPS)
     if best is None or best.moved > _MOST_LAST_STEP:
@@ -177,8 +181,20 @@ def _first_light(lights: Array, seen: Array, cover: Array) -> Array:
     return np.linalg.solve((lights * weights) @ lights.T + weak, right)
 
 
-def _fit(seen_at: Plane, what: Print, placed: Placed, light: Array | None, most_steps: int) -> _Fitted | None:
-    """Take Gauss-Newton steps until the print rests; None when it leaves the picture or turns inside out."""
+def _fit(patch: Plane, what: Print, placed: Placed, light: Array | None, most_steps: int) -> _Fitted | None:
+    """Fit the print to the part of a patch that is about it; None when it leaves it or turns inside out."""
+    half = _ROOM * np.linalg.norm(placed.axes, axis=1) + _ROOM_PX
+    first = np.maximum(np.floor(placed.centre - half), 0.0).astype(int)
+    last = np.ceil(placed.centre + half).astype(int) + 1
+    part = patch[first[1] : max(last[1], 0), first[0] : max(last[0], 0)]
+    if not part.size:
+        return None
+    fitted = _rested(part, what, replace(placed, centre=placed.centre - first), light, most_steps)
+    return fitted and replace(fitted, placed=replace(fitted.placed, centre=fitted.placed.centre + first))
+
+
+def _rested(seen_at: Plane, what: Print, placed: Placed, light: Array | None, most_steps: int) -> _Fitted | None:
+    """Take Gauss-Newton steps until the print rests."""
     rows, columns = seen_at.shape
     fitted = None
     for _ in range(most_steps):
