@@ -156,7 +156,7 @@ def _refuse_out_of_bounds(settings: Any) -> None:
 
 
 # Settings that name files, each with its table
-_FILES = (("", "camera"), ("", "pad"), ("", "mount"), ("", "ego"), ("detector", "model"))
+_FILES = tuple(("", name) for name in ("camera", "pad", "mount", "ego", "cfg", "weights")) + (("detector", "model"),)
 
 
 def read_config(path: Path) -> dict[str, Any]:

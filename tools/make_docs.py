@@ -30,12 +30,14 @@ from landtool.io.mcap_pixels import LAYOUTS
 from landtool.io.mcap_poses import POSE_PARSERS
 from landtool.pad import PadSpec
 from landtool.tracking import tracker
+from landtool.train import settings as training
+from landtool.train.settings import TrainSettings
 from landtool_cli.main import COMMANDS, cli
 
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 _COMMON = ("help", "verbose", "quiet", "debug")
-_BOUNDS = config.BOUNDS | tracker.BOUNDS | detector.BOUNDS
+_BOUNDS = config.BOUNDS | tracker.BOUNDS | detector.BOUNDS | training.BOUNDS
 _KINDS = {"int": "whole number", "float": "number", "str": "text", "bool": "true or false", "Path": "file name"}
 
 
@@ -162,6 +164,14 @@ def generate_settings() -> str:
     assert isinstance(group, click.Group)
     options = {p.name or "": p.opts[0] for p in group.commands["images"].params if isinstance(p, click.Option)}
     return _settings_table(GenerateConfig(), "", options)
+
+
+def train_settings() -> str:
+    """Describe the keys of a settings file for `landtool train`."""
+    command = cli.get_command(click.Context(cli), "train")
+    assert command is not None
+    options = {p.name or "": p.opts[0] for p in command.params if isinstance(p, click.Option)}
+    return _settings_table(TrainSettings(), "", options)
 
 
 def domain_settings() -> str:
@@ -340,6 +350,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "settings": settings_reference,
     "detect settings": detect_settings,
     "generate settings": generate_settings,
+    "train settings": train_settings,
     "domain": domain_settings,
     "modules": module_tree,
     "import order": import_order,

@@ -50,19 +50,23 @@ class TrainSettings:
     weights: Path | None = None
     # anchors of the cfg, or found in the labels by k-means
     anchors: Literal["cfg", "kmeans"] = "cfg"
-    # steps to train for, and pictures a step
+    # steps to train for
     iterations: int = 3200
+    # pictures a step
     batch: int = 32
     # another seed: other pictures, other weights to start from
     seed: int = 0
     # overlap: CIoU, several anchors learn a target; darknet: as darknet has it
     loss: Literal["overlap", "darknet"] = "overlap"
+    # adamw, or sgd with momentum 0.9
     optimizer: Literal["adamw", "sgd"] = "adamw"
-    # highest rate, and how it falls: cosine to a hundredth, or by the steps of the cfg
+    # highest rate
     learning_rate: float = 0.0015
+    # how it falls: cosine to a hundredth, or by the steps of the cfg
     schedule: Literal["cosine", "steps"] = "cosine"
     # iterations over which the rate rises
     warm_up: int = 100
+    # share of the kernels taken off, times the rate, a step
     weight_decay: float = 0.02
     # how much of the running mean of the weights is kept a step; 0: no mean
     average: float = 0.998
@@ -78,25 +82,31 @@ class TrainSettings:
     degrade: float = 0.4
     # share of the pictures mirrored, each way
     flip: float = 0.5
-    # most by which hue is turned (share of the circle), saturation and exposure multiplied or divided. Table I turns it
-    # by 0.1, which makes the red ring as yellow as those of signs that are no pad
+    # most by which hue is turned, as a share of the circle; Table I's 0.1 makes the red ring as yellow as that of signs
     hue: float = 0.03
+    # most by which saturation is multiplied or divided
     saturation: float = 1.5
+    # most by which exposure is multiplied or divided
     exposure: float = 1.5
     # bf16 arithmetic: auto measures whether it is faster
     bf16: Literal["auto", "on", "off"] = "auto"
-    # iterations between validations, pictures of the validation set they take, minutes between checkpoints
+    # iterations between validations
     validate_every: int = 250
+    # pictures of the validation set each takes
     validate_on: int = 200
+    # minutes between checkpoints
     save_minutes: float = 3.0
     # processor threads; none: one a core
     threads: int | None = None
-    # with --data generate: what the pictures vary in, and photographs to lay under the pad
+    # what the pictures of --data generate vary in
     domain: Domain = field(default_factory=Domain)
+    # photographs to lay under the pad of those
     backgrounds: tuple[str, ...] = ()
-    # how many there are at the first step, how many come with each, how many are kept at the most
+    # how many of those there are at the first step
     first_pictures: int = 500
+    # how many come with each step
     fresh_pictures: float = 4.0
+    # how many are kept in memory at the most
     keep_pictures: int = 12000
 
     def __post_init__(self) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import re
 from pathlib import Path
 from typing import Any
 
@@ -19,20 +18,12 @@ from landtool_cli.console import Console, pass_console
 SUFFIXES = (".onnx", ".weights")
 
 
-def size_px(text: str) -> tuple[int, int]:
-    """Return width and height of a text such as 640x480, or fail as click does."""
-    match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", text)
-    if not match:
-        raise click.BadParameter(f"'{text}' is no input size such as 640x480.")
-    return int(match[1]), int(match[2])
-
-
 @click.command("export")
 @click.argument("model", metavar="MODEL", type=options.PATH)
 @options.output("What to write, by its ending: .onnx, or .weights with a .cfg and .names beside it.", required=True)
 @click.option("--cfg", type=options.PATH, metavar="FILE", help="Of a .weights.  [default: the .cfg beside it]")
 @click.option("--names", type=options.PATH, metavar="FILE", help="A class a line.  [default: what MODEL says]")
-@click.option("--size", type=size_px, metavar="WxH", help="Size of the input, pixels.  [default: the cfg's]")
+@click.option("--size", type=options.size_px, metavar="WxH", help="Size of the input, pixels.  [default: the cfg's]")
 @click.option("--int8", is_flag=True, help="Compute in eight bits: over twice as fast, a quarter of the size.")
 @click.option(
     "--calibration",

@@ -8,11 +8,11 @@ from typing import Any, get_args
 
 import click
 
-from landtool.config import configured, read_config
-from landtool.errors import InputError, LandtoolError, UsageError
+from landtool.errors import UsageError
 from landtool.train.settings import BOUNDS, Recipe, TrainSettings, darknet_recipe
 from landtool_cli import options
 from landtool_cli.console import Console, pass_console
+from landtool_cli.settings import from_file, with_options
 
 _NEEDS_TORCH = "pip install 'landtool[train]', or 'torch>=2.4' for your machine as pytorch.org says"
 
@@ -78,7 +78,8 @@ def command(
     Writes weights/best.landtool for `landtool export`, best.weights for darknet, results.csv, curves.png and
     validation.png. Interrupted, the same command goes on where it stopped, with the same result.
     """
-    settings = _settings(config, recipe, flags)
+    base = darknet_recipe(TrainSettings()) if recipe == "darknet" else TrainSettings()
+    settings = with_options(from_file(base, config), flags)
     if data is None:
         raise UsageError("no data", hint="give --data DIR/data.yaml, or --data generate:1")
     if importlib.util.find_spec("torch") is None:
@@ -99,20 +100,6 @@ def command(
     console.result(f"{made.folder}: {len(made.rows)} validations, {made.seconds / 60.0:.1f} min")
     console.result(f"  best at iteration {best.iteration}: mAP50 {_text(best.map50)}, mAP50-95 {_text(best.map50_95)}")
     console.result(f"  landtool export {made.best} -o {made.folder / 'model.onnx'}")
-
-
-def _settings(file: Path | None, recipe: Recipe, flags: dict[str, Any]) -> TrainSettings:
-    """Return the recipe's settings with those of the file put in, and with the options that were given."""
-    base = darknet_recipe(TrainSettings()) if recipe == "darknet" else TrainSettings()
-    if file is not None:
-        try:
-            base = configured(base, read_config(file))
-        except LandtoolError as error:
-            raise type(error)(error.reason, file=error.file or file, hint=error.hint) from error
-    try:
-        return configured(base, {name: value for name, value in flags.items() if value is not None})
-    except InputError as error:  # no file's content but what was typed
-        raise UsageError(error.reason, hint=error.hint) from error
 
 
 def _text(value: float | None) -> str:
