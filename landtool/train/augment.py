@@ -24,6 +24,7 @@ _LEAST_SHARE = 0.5
 _LEAST_SIDE_PX = 7.0
 # The deepest cells see 318 pixels: a target beyond that is left to the look at half size
 _MOST_SIDE_PX, _FOR_HALF_SIZE_PX = 330.0, 400.0
+_INSIDE = 0.35  # share of those that are shown at full size all the same: what is seen inside of a pad is no pad
 _TOWARDS_TARGET = 0.75  # share of the parts that show a target, where there is one
 _MOST_OF_SIDE = 0.9  # of the part's side that a target may take before the part is shown smaller
 
@@ -35,7 +36,7 @@ def whole(example: Example, width: int, height: int, settings: TrainSettings, rn
     scale = fit * math.exp(rng.uniform(-1.0, 0.2) * math.log(settings.zoom)) if rng.random() < 0.5 else fit
     room = width / scale - columns, height / scale - rows
     x, y = (-free * (rng.random() if scale != fit else 0.5) for free in room)
-    return mirrored(_window(example, x, y, scale, width, height), settings.flip, rng)
+    return mirrored(_window(example, x, y, scale, (width, height), settings.pyramid), settings.flip, rng)
 
 
 def part(example: Example, width: int, height: int, settings: TrainSettings, rng: np.random.Generator) -> Example:
@@ -46,12 +47,13 @@ def part(example: Example, width: int, height: int, settings: TrainSettings, rng
     box = example.boxes[rng.integers(len(example.boxes))] if towards else None
     if box is not None:
         side = float(max(box[2] - box[0], box[3] - box[1]))
-        scale = min(scale, _MOST_OF_SIDE * min(width, height) / side)
+        is_inside = settings.pyramid and scale * side > _FOR_HALF_SIZE_PX and rng.random() < _INSIDE
+        scale = scale if is_inside else min(scale, _MOST_OF_SIDE * min(width, height) / side)
     scale = max(scale, min(width / columns, height / rows))  # no more border than one way
     across, down = width / scale, height / scale
     x = _start(columns, across, None if box is None else (box[0], box[2]), rng)
     y = _start(rows, down, None if box is None else (box[1], box[3]), rng)
-    return mirrored(_window(example, x, y, scale, width, height), settings.flip, rng)
+    return mirrored(_window(example, x, y, scale, (width, height), settings.pyramid), settings.flip, rng)
 
 
 def four(examples: list[Example], width: int, height: int, rng: np.random.Generator) -> Example:
@@ -87,7 +89,7 @@ def clipped(example: Example, window: tuple[float, float, float, float]) -> Exam
 def without_largest(example: Example) -> Example:
     """Return the example for a network that sees the largest targets at half size: in full they are none.
 
-    In between either answer is right, so they are ignored.
+    In between either answer is right, so they are ignored. Call it before targets are cut by a window.
     """
     side = (example.boxes[:, 2:] - example.boxes[:, :2]).max(axis=1, initial=0.0)
     kept = side <= _FOR_HALF_SIZE_PX
@@ -150,8 +152,8 @@ def _start(length: int, window: float, span: Array | tuple[float, float] | None,
     return float(rng.uniform(min(low, high), max(low, high)))
 
 
-def _window(example: Example, x: float, y: float, scale: float, width: int, height: int) -> Example:
-    """Return the window that begins at (x, y) of the picture, shown `scale` times as large, width x height pixels."""
+def _window(example: Example, x: float, y: float, scale: float, size: tuple[int, int], pyramid: bool) -> Example:
+    """Return the window that begins at (x, y) of the picture, shown `scale` times as large, of that size in pixels."""
     image = example.image
     if scale < 0.8:
         # averaged over the pixels that fall into one, as a camera farther away would
@@ -163,7 +165,8 @@ def _window(example: Example, x: float, y: float, scale: float, width: int, heig
     sx, sy = scale / fx, scale / fy
     matrix = np.array([[sx, 0.0, 0.5 * sx - 0.5 - x * scale], [0.0, sy, 0.5 * sy - 0.5 - y * scale]])
     grey = (GREY, GREY, GREY)
-    shown = cv2.warpAffine(small, matrix, (width, height), flags=cv2.INTER_LINEAR, borderValue=grey)
+    shown = cv2.warpAffine(small, matrix, size, flags=cv2.INTER_LINEAR, borderValue=grey)
     boxes = (example.boxes - np.array([x, y, x, y])) * scale
     moved = Example(np.asarray(shown, np.uint8), boxes, example.labels, example.ignored)
-    return clipped(moved, (0.0, 0.0, float(width), float(height)))
+    moved = without_largest(moved) if pyramid else moved
+    return clipped(moved, (0.0, 0.0, float(size[0]), float(size[1])))

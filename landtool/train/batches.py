@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from landtool.darknet.network import Network
 from landtool.geometry import Array
-from landtool.train.augment import degraded, four, part, recoloured, whole, without_largest
+from landtool.train.augment import degraded, four, part, recoloured, whole
 from landtool.train.samples import Example, Samples
 from landtool.train.settings import TrainSettings
 
@@ -86,8 +86,7 @@ class BatchMaker:
             shown = part(first, *size, settings, rng)
         image = recoloured(shown.image, settings, rng)
         image = degraded(image, rng) if rng.random() < settings.degrade else image
-        found = Example(image, shown.boxes, shown.labels, shown.ignored)
-        return without_largest(found) if self._network.pyramid else found
+        return Example(image, shown.boxes, shown.labels, shown.ignored)
 
     def _drawn(self, iteration: int, rng: np.random.Generator) -> Example:
         pool = self._samples.pool(iteration)
