@@ -19,8 +19,10 @@ from bench.detect_speed import Followed, Network, print_speed
 from bench.show import table
 from landtool.detect.config import DetectorConfig
 from landtool.detect.detector import Detector
+from landtool.detect.stage import DetectStage
 from landtool.evaluate.detection import IOUS, DetectionScore, SizeRecall, score_detections
-from landtool.types import Detection, Image
+from landtool.pad import PadSpec
+from landtool.types import Detection, Frame, Image
 
 SCORED_CONF = 0.001  # least score of a box that counts in the average precision
 LEAST_PX = 14.0  # targets from here on must be found
@@ -41,7 +43,9 @@ def main(arguments: Sequence[str] = ()) -> None:
     if options.data is not None:
         sets.append(yolo_set(options.data, "test"))
     detector = Detector(DetectorConfig(model=options.model, conf=SCORED_CONF))
-    print_scores("Shipped network" if options.model is None else options.model.name, score_sets(detector, sets))
+    name = "Shipped network" if options.model is None else options.model.name
+    print_scores(f"{name} alone", [score_set(detector.detect, each) for each in sets])
+    print_scores(f"{name}, as `landtool detect` uses it", [score_set(on_print(detector), each) for each in sets])
     given = (("fp32", options.fp32), ("int8", options.int8))
     networks = [Network(name, path) for name, path in given if path is not None]
     networks = networks or [Network("shipped" if options.model is None else options.model.name, options.model)]
@@ -49,9 +53,10 @@ def main(arguments: Sequence[str] = ()) -> None:
     print_speed(networks)
 
 
-def score_sets(detector: Detector, sets: Sequence[PictureSet]) -> list[Scored]:
-    """Run a detector, set to give boxes down to SCORED_CONF, on some sets."""
-    return [score_set(detector.detect, pictures) for pictures in sets]
+def on_print(detector: Detector) -> Finder:
+    """Return what `landtool detect` does in single pictures: boxes where the print is seen, doubted where it is not."""
+    stage = DetectStage(detector, ring_of=PadSpec(), least_score=SCORED_CONF)
+    return lambda image: stage.find(Frame(0, None, image)).detections
 
 
 def _print_variants(networks: Sequence[Network], sets: Sequence[PictureSet]) -> None:

@@ -20,7 +20,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # bench is no installed package
 
-from bench.detect import SCORED_CONF, Finder, Scored, print_scores, score_set
+from bench.detect import SCORED_CONF, Finder, Scored, on_print, print_scores, score_set
 from bench.detect_sets import PictureSet, own_fog_set, own_test_set, path_traced_sets, yolo_set
 from landtool.detect.config import DetectorConfig
 from landtool.detect.detector import Detector
@@ -80,8 +80,8 @@ def sets_of(data: Path | None, split: str) -> list[PictureSet]:
 
 
 def finder(model: Path, threads: int | None) -> Finder:
-    """Return the detector of a network, down to the least scores."""
-    return Detector(DetectorConfig(model=model, conf=SCORED_CONF, threads=threads)).detect
+    """Return what `landtool detect` does with a network, down to the least scores."""
+    return on_print(Detector(DetectorConfig(model=model, conf=SCORED_CONF, threads=threads)))
 
 
 def write_sheets(scores: Sequence[Scored], folder: Path, most: int) -> None:

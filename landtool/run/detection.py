@@ -87,7 +87,13 @@ def _parts(config: DetectConfig, files: DetectFiles, info: SourceInfo) -> RunPar
 
     def measure(frames: Iterable[Frame | LostFrame]) -> Results:
         ring_of = files.pad if has_ring else None
-        boxes = DetectStage(files.detector, regions=config.search == "region", ring_of=ring_of, tone=tone)
+        boxes = DetectStage(
+            files.detector,
+            regions=config.search == "region",
+            ring_of=ring_of,
+            tone=tone,
+            least_score=config.detector.conf,
+        )
         tags = None
         if config.tags.which != "none":
             reader = tag_reader(config.tags, files.pad)

@@ -90,19 +90,20 @@ def fit_print(image: Image, box_px: Array, pad: PadSpec, tone: Tone = "srgb") ->
     and 1.5 pixels.
     """
     fitted = register_print(image, box_px, pad, tone)
-    if fitted is None:
-        return None
+    return fitted if fitted is not None and is_sure(fitted, box_px) else None
+
+
+def is_sure(fitted: PrintFit, box_px: Array) -> bool:
+    """Return whether a fit that began at a box is to be trusted more than the box."""
     box = np.asarray(box_px, dtype=np.float64)
     side = float((box[2:] - box[:2]).max())
     change = float(np.abs(fitted.ellipse.box_px - box).max())
-    if (
-        fitted.likeness < _LEAST_LIKENESS
-        or fitted.share < _LEAST_SHARE
-        or fitted.sigma_px > _MOST_SIGMA * side
-        or change > _MOST_CHANGE * side + _MOST_CHANGE_PX
-    ):
-        return None
-    return fitted
+    return (
+        fitted.likeness >= _LEAST_LIKENESS
+        and fitted.share >= _LEAST_SHARE
+        and fitted.sigma_px <= _MOST_SIGMA * side
+        and change <= _MOST_CHANGE * side + _MOST_CHANGE_PX
+    )
 
 
 def register_print(image: Image, box_px: Array, pad: PadSpec, tone: Tone = "srgb") -> PrintFit | None:
