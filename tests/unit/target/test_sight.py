@@ -27,9 +27,7 @@ def test_a_sign_with_a_red_ring_is_doubted(radius: int) -> None:
     centre = (300, 200)
     cv2.circle(image, centre, radius, (30, 25, 210), -1, cv2.LINE_AA)
     cv2.circle(image, centre, round(0.82 * radius), (235, 235, 235), -1, cv2.LINE_AA)
-    bar = (centre[0] - round(0.6 * radius), centre[1] - round(0.15 * radius))
-    end = (centre[0] + round(0.6 * radius), centre[1] + round(0.15 * radius))
-    cv2.rectangle(image, bar, end, (20, 20, 20), -1)
+    cv2.ellipse(image, centre, (round(0.6 * radius),) * 2, 20.0, 0.0, 180.0, (20, 20, 20), -1, cv2.LINE_AA)
     image = cv2.GaussianBlur(image, (3, 3), 0.6)
     box = np.array([centre[0] - radius, centre[1] - radius, centre[0] + radius, centre[1] + radius], np.float64)
     assert look_at(image, box, PAD).is_doubtful
