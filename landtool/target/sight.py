@@ -19,8 +19,8 @@ from landtool.types import Image
 _THIN_PX, _SMALL_PX = 30.0, 48.0
 # Nearer pads are seen in steeper perspective than the letter is looked for in; no sign is taken for one there
 _LETTER_PX = 200.0
-# Correlations below which it is no pad: of 1 in 50 pads, and of 3 in 4 signs that a network took for one
-_LEAST_LETTER, _LEAST_PRINT = 0.5, 0.5
+# Correlations below which it is no pad: those of one pad in fifty, and of three in four signs a network took for one
+_LEAST_LETTER, _LEAST_PRINT = 0.6, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,7 @@ def look_at(image: Image, box_px: Array, pad: PadSpec, tone: Tone = "srgb") -> S
     ring = fit_ring(image, box_px, pad, tone)
     if ring is not None and side >= _THIN_PX:
         found = ring.box_px(width, height)
-        if side > _LETTER_PX or not _is_whole(found, width, height):
-            return Sight(found, False)
-        likeness = letter_likeness(image, ring.ellipse, pad)
+        likeness = letter_likeness(image, ring.ellipse, pad) if side <= _LETTER_PX else None
         return Sight(found, likeness is not None and likeness < _LEAST_LETTER)
     if side <= _SMALL_PX and _is_whole(box_px, width, height) and pad.letter is not None:
         fitted = register_print(image, box_px, pad, tone)
