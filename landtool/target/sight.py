@@ -21,6 +21,8 @@ _THIN_PX, _SMALL_PX = 30.0, 48.0
 _LETTER_PX = 200.0
 # Correlations below which it is no pad: those of one pad in fifty, and of three in four signs a network took for one
 _LEAST_LETTER, _LEAST_PRINT = 0.6, 0.5
+# In fog the print is no longer to be told from anything else
+_LEAST_CONTRAST = 30.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +51,16 @@ def look_at(image: Image, box_px: Array, pad: PadSpec, tone: Tone = "srgb") -> S
         if fitted is not None and is_sure(fitted, box_px):
             return Sight(fitted.box_px(width, height), False)
         if ring is None:
-            return Sight(None, fitted is None or fitted.likeness < _LEAST_PRINT)
+            is_other = fitted is None or fitted.likeness < _LEAST_PRINT
+            return Sight(None, is_other and _contrast(image, box_px) >= _LEAST_CONTRAST)
     return Sight(None if ring is None else ring.box_px(width, height), False)
+
+
+def _contrast(image: Image, box_px: Array) -> float:
+    """Return how far apart dark and bright are in a box, grey levels: from the first to the last tenth."""
+    x0, y0, x1, y1 = (max(0, round(float(edge))) for edge in box_px)
+    low, high = np.percentile(image[y0 : y1 + 1, x0 : x1 + 1, 1], (10.0, 90.0))
+    return float(high - low)
 
 
 def _is_whole(box_px: Array, width: int, height: int) -> bool:

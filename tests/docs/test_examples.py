@@ -17,6 +17,8 @@ from tests.shared import ROOT
 # As shown, and as run here
 SMALLER = (
     (" -n 1120", " -n 4 --size 160x120"),
+    (" -n 6000", " -n 8 --size 96x96 --split 0.5,0.5"),
+    ("train --data data/data.yaml", "train --data data/data.yaml --iterations 2 --batch 2 --size 96x96 --bf16 off"),
     ("generate clip -o landing.mp4", "generate clip -o landing.mp4 --size 160x120 --fps 5"),
 )
 # A block begins with ```console, or ```console exit=3 where its last command ends so
@@ -73,6 +75,8 @@ def reader_folder(recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 @pytest.mark.parametrize("page", [p for p in PAGES if examples(p)], ids=lambda p: p.name)
 @pytest.mark.usefixtures("reader_folder")
 def test_examples_run(page: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    if page.name == "train.md":
+        pytest.importorskip("torch", reason="torch is not installed: pip install 'landtool[train]'")
     for example in examples(page):
         program = shlex.split(example.command)[0]
         if program == "make":  # needs the repository and a network
