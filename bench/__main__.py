@@ -16,6 +16,7 @@ PARTS = {
         "the detector on path-traced and own pictures, in fog, and its time against the bare network",
     ),
     "ring": ("bench.ring", "the ring's ellipse against truth"),
+    "print": ("bench.print_fit", "the whole print of small pads against truth"),
     "recordings": ("bench.recordings", "landtool track on the real and path-traced recordings beside the project"),
 }
 
