@@ -109,7 +109,11 @@ class DetectStage:
         scores = np.array([moved[index].score for index in pads])
         kept = suppress(edges, scores, np.zeros(len(pads), np.int64), iou=_SAME_RING_IOU, most=len(pads))
         gone = set(pads) - {pads[index] for index in kept}
-        gone |= {i for i in pads if any(_is_part(moved[i], moved[whole]) for whole in on_print if whole not in gone)}
+        left = [index for index in pads if index not in gone]
+        for index in left:
+            better = [i for i in left if i in on_print or moved[i].score > moved[index].score]
+            if any(_is_part(moved[index], moved[whole]) for whole in better):
+                gone.add(index)
         return tuple(box for index, box in enumerate(moved) if index not in gone)
 
 

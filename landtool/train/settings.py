@@ -28,7 +28,7 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "zoom": (1.0, 10.0),
     "validate_every": (1, 10_000_000),
     "save_minutes": (0.0, 1e6),
-    "threads": (1, 1024),
+    "threads": (1, 256),
     "validate_on": (1, 100_000),
     "first_pictures": (1, 1_000_000),
     "fresh_pictures": (0.0, 1000.0),

@@ -99,6 +99,8 @@ def command(
     best = made.best_row
     console.result(f"{made.folder}: {len(made.rows)} validations, {made.seconds / 60.0:.1f} min")
     console.result(f"  best at iteration {best.iteration}: mAP50 {_text(best.map50)}, mAP50-95 {_text(best.map50_95)}")
+    if not best.map50:
+        console.warning(f"{made.folder}: it finds nothing yet; train longer, or look at validation.png")
     console.result(f"  landtool export {made.best} -o {made.folder / 'model.onnx'}")
 
 
