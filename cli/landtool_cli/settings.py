@@ -19,9 +19,7 @@ def from_file(defaults: Settings, file: Path | None) -> Settings:
     try:
         return configured(defaults, read_config(file))
     except LandtoolError as error:
-        # a value that is impossible is the file's content here, not what was typed
-        kind = InputError if error.file is None else type(error)
-        raise kind(error.reason, file=error.file or file, hint=error.hint) from error
+        raise type(error)(error.reason, file=error.file or file, hint=error.hint) from error
 
 
 def with_options(base: Settings, flags: Mapping[str, Any]) -> Settings:
