@@ -14,7 +14,7 @@ from landtool.train.settings import TrainSettings
 
 COLORS = ((0, 0, 255), (0, 255, 0), (255, 0, 0), (0, 255, 255))  # BGR
 BOXES = ((100, 60, 180, 140), (20, 150, 60, 170), (3, 3, 300, 235), (250, 0, 320, 50))
-SETTINGS = TrainSettings()
+SETTINGS = TrainSettings(pyramid=False)  # every target is learnt, however large
 SIZE = (128, 96)
 Change = Callable[[Example, np.random.Generator], Example]
 CHANGES: dict[str, Change] = {
