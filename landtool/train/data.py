@@ -14,12 +14,12 @@ import numpy as np
 from landtool.darknet.data import read_darknet_dataset
 from landtool.errors import InputError, UsageError
 from landtool.geometry import Array
-from landtool.io.labels import LabelledBox, LabelledImage, YoloDataset, read_yolo
+from landtool.io.labels import YoloDataset, read_yolo
 from landtool.pad import PadSpec
 from landtool.synth.dataset.backgrounds import find_backgrounds
 from landtool.train.generated import GeneratedSamples
 from landtool.train.run_folder import fingerprint
-from landtool.train.samples import Example, FolderSamples, Samples
+from landtool.train.samples import FolderSamples, Samples
 from landtool.train.settings import TrainSettings
 from landtool.train.validate import Validator
 
@@ -93,19 +93,7 @@ def _generated(place: str, settings: TrainSettings) -> Iterator[TrainingData]:
         keep=settings.keep_pictures,
         jobs=jobs,
     ) as samples:
-        with GeneratedSamples(
-            settings.domain,
-            PadSpec(),
-            size,
-            int(text) + _VALIDATION_SEED,
-            paths,
-            first=settings.validate_on,
-            fresh=0.0,
-            keep=settings.validate_on,
-            jobs=jobs,
-        ) as others:
-            judged = [others.example(i) for i in range(settings.validate_on)]
-        labelled = [_labelled(example, i) for i, example in enumerate(judged)]
+        labelled, judged = samples.labelled(int(text) + _VALIDATION_SEED, settings.validate_on)
         boxes = np.concatenate([example.boxes for example in judged])
         if not len(boxes):
             raise InputError("the generator draws no target", hint="see [domain] in the settings")
@@ -119,18 +107,6 @@ def _generated(place: str, settings: TrainSettings) -> Iterator[TrainingData]:
         yield TrainingData(
             ("pad",), samples, validator, sizes, np.tile(np.array(size, float), (len(sizes), 1)), identity
         )
-
-
-def _labelled(example: Example, index: int) -> LabelledImage:
-    height, width = example.image.shape[:2]
-    boxes = [LabelledBox(0, *_edges(box)) for box in example.boxes]
-    return LabelledImage(Path(f"{index:06d}.jpg"), width, height, tuple(boxes))
-
-
-def _edges(box: Array) -> tuple[float, float, float, float]:
-    """Return a box with edges at 0 and W in OpenCV's pixels."""
-    left, top, right, bottom = (float(edge) - 0.5 for edge in box)
-    return left, top, right, bottom
 
 
 def _evenly(total: int, count: int) -> list[int]:

@@ -208,3 +208,10 @@ def test_impossible_settings_are_refused(change: dict[str, object]) -> None:
 def _arrays(path: Path) -> dict[str, bytes]:
     with zipfile.ZipFile(path) as archive:
         return {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
+
+
+def test_a_training_without_a_data_set_draws_its_pictures(tmp_path: Path) -> None:
+    asked = settings(tmp_path, size=(64, 64), iterations=2, first_pictures=8, fresh_pictures=1.0, validate_on=4)
+    made = train("generate:3", tmp_path / "run", replace(asked, whole=1.0))
+    assert [row.iteration for row in made.rows] == [2]
+    assert "generate:3" in (tmp_path / "run" / "training.json").read_text(encoding="utf-8")
