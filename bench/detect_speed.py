@@ -19,8 +19,10 @@ from bench.show import table
 from landtool.detect.config import DetectorConfig
 from landtool.detect.detector import SHIPPED_MODEL, Detector
 from landtool.detect.search import DetectorSearch
+from landtool.detect.stage import DetectStage
 from landtool.geometry import Array
 from landtool.io.source import open_source
+from landtool.pad import PadSpec
 from landtool.types import Detection, Frame, Image
 
 CLIP = FIXTURES / "approach.mp4"
@@ -98,9 +100,11 @@ def _ways(network: Network) -> list[Way]:
     session = _bare_session(network.file)
     name = session.get_inputs()[0].name
     regions = Followed(followed)
+    stage = DetectStage(detector, ring_of=PadSpec())
     ways = [
         Way(network.name, BARE, lambda _, tensor: session.run(None, {name: tensor})),
         Way(network.name, "Detector", lambda image, _: detector.detect(image)),
+        Way(network.name, "Detector and print", lambda image, _: stage.find(Frame(0, None, image))),
         Way(network.name, "Detector, regions", lambda image, _: regions.detect(image), regions.begin),
     ]
     net = _opencv_net(network.file, detector.imgsz)
