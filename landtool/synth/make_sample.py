@@ -9,18 +9,20 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from landtool.errors import OutputError
+from landtool.errors import OutputError, UsageError
 from landtool.pad import PadSpec
 from landtool.synth.compose import Rendered
 from landtool.synth.domain import Domain, uniform
+from landtool.synth.legible import LEAST_LEGIBLE, legibility
 from landtool.synth.photograph import light_of, random_sensor
 from landtool.synth.random_scene import Drawn, draw_scene
 from landtool.synth.sample import Sample, Truth
 from landtool.synth.sensor import Sensor
 from landtool.synth.truth import seen_target
 from landtool.synth.viewpoint import size_px
+from landtool.types import Image
 
-# how often a scene is drawn again whose pad is hidden, and how much of what must be in the picture may be
+# how often a scene is drawn again whose pad nobody can see, and how much of what must be in the picture may be hidden
 _TRIES, _OF_LEAST = 50, 0.9
 
 
@@ -29,23 +31,36 @@ def make_sample(
 ) -> Sample:
     """Return picture `index` of the data set of a seed; size: (width, height) in pixels. The same in any process.
 
-    Raises UsageError when the domain has no picture of the pad.
+    Raises UsageError when the domain has no picture of the pad, or hardly one in which it can be made out.
     """
     rng = np.random.default_rng([seed, index])
     for _ in range(_TRIES):
         drawn = draw_scene(domain, pad, size, photos, rng)
         linear, rendered = light_of(drawn.scene, drawn.view)
         truth = _truth(drawn, rendered)
+        present = drawn.scene.target is not None
         # other bodies may stand before the pad: one that nobody can see is no example of a pad
-        if drawn.scene.target is None or truth.visible_fraction >= _OF_LEAST * domain.least_visible:
-            break
-    sensor = random_sensor(domain, rng)
-    image = sensor.picture(linear, rng)
-    quality = round(uniform(rng, domain.jpeg_quality))
+        if present and truth.visible_fraction < _OF_LEAST * domain.least_visible:
+            continue
+        sensor = random_sensor(domain, rng)
+        image = sensor.picture(linear, rng)
+        quality = round(uniform(rng, domain.jpeg_quality))
+        sample = Sample(_jpeg(image, quality, index), replace(truth, applied=_applied(drawn, sensor, quality)))
+        # nor is one that is drowned in fog, noise or darkness: it would teach to see pads where nothing is
+        if not present or legibility(sample.image, rendered, pad) >= LEAST_LEGIBLE:
+            return sample
+    raise UsageError(
+        f"picture {index}: in {_TRIES} scenes drawn one after another nobody could make out the pad",
+        hint="make the pictures lighter, larger or nearer, or the fog, the noise, the blur or the occlusion less",
+    )
+
+
+def _jpeg(image: Image, quality: int, index: int) -> bytes:
+    """Return the content of a picture's file. Raises OutputError."""
     done, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
         raise OutputError(f"picture {index} cannot be encoded as JPEG")
-    return Sample(data.tobytes(), replace(truth, applied=_applied(drawn, sensor, quality)))
+    return bytes(data.tobytes())
 
 
 def _truth(drawn: Drawn, rendered: Rendered) -> Truth:
