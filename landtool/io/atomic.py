@@ -27,6 +27,8 @@ except ImportError:  # Windows, where two runs of the same are not told apart
 TEMPORARY_PREFIX = ".landtool-"
 RESUME_PREFIX = f"{TEMPORARY_PREFIX}resume-"
 
+# Tells whether all names in a folder are landtool's own
+NamesCheck = Callable[[set[str]], bool]
 # What the user can do about a write that failed
 _HINTS = {
     errno.ENOSPC: "free some space or choose another -o",
@@ -65,11 +67,12 @@ def atomic_path(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_folder(path: Path, *, overwrite: bool = False, mark: str = "run.json") -> Iterator[Path]:
+def atomic_folder(path: Path, *, overwrite: bool = False, mark: str | NamesCheck = "run.json") -> Iterator[Path]:
     """Yield a temporary folder; when the block ends well it is renamed to `path`, whole.
 
-    An empty folder counts as free. With `overwrite` an existing folder is replaced when it holds the file `mark`,
-    which tells landtool's own outputs. Any exception removes what was written and leaves an old folder as it was.
+    An empty folder counts as free. With `overwrite` an existing folder is replaced when it is landtool's own: it holds
+    the file `mark`, or `mark` says so of the names in it. Any exception removes what was written and leaves an old
+    folder as it was.
 
     Raises OutputExistsError when `path` is taken and `overwrite` is false, UsageError when it is a file, the current
     folder or holds files landtool did not write, OutputError when it cannot be written.
@@ -238,7 +241,7 @@ def _refuse_target(path: Path, overwrite: bool) -> None:
         raise OutputExistsError(path)
 
 
-def _refuse_folder(path: Path, target: Path, overwrite: bool, mark: str) -> None:
+def _refuse_folder(path: Path, target: Path, overwrite: bool, mark: str | NamesCheck) -> None:
     if not os.path.lexists(target):
         return
     if not target.is_dir():
@@ -254,7 +257,7 @@ def _refuse_folder(path: Path, target: Path, overwrite: bool, mark: str) -> None
         raise OutputError(f"cannot be read: {error.strerror}", file=path, hint="choose another -o") from error
     if names and not overwrite:
         raise OutputExistsError(path)
-    if names and mark not in names:
+    if names and not (mark in names if isinstance(mark, str) else mark(names)):
         raise UsageError("holds files landtool did not write", file=path, hint="choose another -o or empty it")
 
 

@@ -97,7 +97,7 @@ class _Look:
         reader = LogReader(self.path)
         for event in reader.read({self.topic.name} | ({self.camera_topic} if self.camera_topic else set())):
             if isinstance(event, LostChunk):
-                for _ in _lost_times(event, reader, self.topic.name):
+                for _ in lost_times(event, reader, self.topic.name):
                     self._picture(decoder.lose(self.frames, event.reason))
                     self.frames += 1
             elif event.channel.topic == self.topic.name:
@@ -183,7 +183,7 @@ class _Pass:
         for event in reader.read({self.topic}):
             if isinstance(event, LostChunk):
                 self.report.note(event.reason)
-                for log_time_ns in _lost_times(event, reader, self.topic):
+                for log_time_ns in lost_times(event, reader, self.topic):
                     time_ns = log_time_ns if self.clock.fault else None  # the stamps went with the chunk
                     yield from self._give(decoder.lose(self._expect(time_ns), event.reason))
             else:
@@ -235,8 +235,8 @@ def _image_of(event: LogMessage, schemas: dict[int, Schema]) -> ImageMessage:
     return parse_image(IMAGE_PARSERS[kind], event.data)
 
 
-def _lost_times(lost: LostChunk, reader: LogReader, topic: str) -> Sequence[int | None]:
-    """Return a time of logging for each frame a chunk held; one unknown where nothing tells what it held."""
+def lost_times(lost: LostChunk, reader: LogReader, topic: str) -> Sequence[int | None]:
+    """Return a time of logging for each message of a topic in a chunk; one unknown where nothing tells what it held."""
     if not lost.log_times_ns:
         return [None]
     mine = {number for number, channel in reader.channels.items() if channel.topic == topic}

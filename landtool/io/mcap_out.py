@@ -60,7 +60,7 @@ class McapImageWriter:
         self.camera, self.encoding = camera, encoding
         self.written = 0
         self._dialect = DIALECTS[schema]()
-        self._video: _H264Encoder | None = None
+        self._video: H264Encoder | None = None
         self._schema_ids: dict[str, int] = {}
         self._channel_ids: dict[str, int] = {}
         self._sequences: dict[int, int] = {}
@@ -130,7 +130,7 @@ class McapImageWriter:
             return self._dialect.raw_image(t_ns, self.frame_id, image)
         if self.encoding == "h264":
             height, width = image.shape[:2]
-            self._video = self._video or _H264Encoder(width, height)
+            self._video = self._video or H264Encoder(width, height)
             data = self._video.encode(image, t_ns)
         else:
             options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if self.encoding == "jpeg" else []
@@ -152,7 +152,7 @@ class McapImageWriter:
         return self._log.register_channel(topic, dialect.message_encoding, self._schema_ids[type_name])
 
 
-class _H264Encoder:
+class H264Encoder:
     """One packet out for every picture in. width, height: even, as 4:2:0 needs."""
 
     def __init__(self, width: int, height: int) -> None:

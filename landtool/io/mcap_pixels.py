@@ -1,8 +1,9 @@
-"""From the pixels of raw image messages to BGR, 8 bits a channel."""
+"""From the pixels of raw image messages to BGR, 8 bits a channel, and back."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import cv2
@@ -85,6 +86,38 @@ def bgr_from_raw(message: RawImage) -> Image:
     if message.encoding in ("yuv422", "uyvy", "yuv422_yuy2", "yuyv") and message.width % 2:
         raise BrokenMessageError(f"a {message.encoding} image cannot be {message.width} pixels wide")
     return layout.to_bgr(_samples(message, layout, row_bytes))
+
+
+def raw_from_bgr(image: Image, like: RawImage) -> RawImage:
+    """Return a picture (H, W, 3) BGR as a message that differs from `like` in its pixels only, without padding.
+
+    16 bits hold the 8 there are, full scale to full scale; alpha becomes opaque. Encodings with less than a whole
+    sample a pixel and channel (Bayer patterns, YUV 4:2:2) become bgr8.
+    """
+    stored = _STORED.get(like.encoding)
+    encoding = like.encoding if stored else "bgr8"
+    sample_bytes, code = stored or (1, None)
+    samples: Samples = np.ascontiguousarray(image if code is None else np.asarray(cv2.cvtColor(image, code)))
+    if sample_bytes == 2:
+        samples = (samples.astype(np.uint16) * 257).astype(">u2" if like.big_endian else "<u2")
+    height, width = image.shape[:2]
+    data = samples.tobytes()
+    return replace(like, width=width, height=height, encoding=encoding, step=len(data) // height, data=data)
+
+
+def _stored() -> dict[str, tuple[int, int | None]]:
+    """Return bytes a sample and the way from BGR of every encoding that can be written."""
+    grey, rgb, rgba, bgra = cv2.COLOR_BGR2GRAY, cv2.COLOR_BGR2RGB, cv2.COLOR_BGR2RGBA, cv2.COLOR_BGR2BGRA
+    table: dict[str, tuple[int, int | None]] = {}
+    for bits, size in ((8, 1), (16, 2)):
+        for name, code in (("mono", grey), ("rgb", rgb), ("bgr", None), ("rgba", rgba), ("bgra", bgra)):
+            table[f"{name}{bits}"] = (size, code)
+        for name, code in (("UC1", grey), ("UC3", None), ("UC4", bgra)):
+            table[f"{bits}{name}"] = (size, code)
+    return table
+
+
+_STORED = _stored()
 
 
 def _samples(message: RawImage, layout: Layout, row_bytes: int) -> Samples:

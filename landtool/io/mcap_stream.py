@@ -10,36 +10,36 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, field
-from io import BytesIO
+from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Protocol, TypeVar
+from typing import BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
-from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Footer, Header, MessageIndex, Schema, Statistics
+from mcap.records import Attachment, Channel, Header, MessageIndex, Metadata, Schema
 
 from landtool.errors import InputError
+from landtool.io.mcap_index import MAGIC, RECORD_HEAD, Parser, parse_record, read_index
 
-MAGIC = b"\x89MCAP0\r\n"
-_RECORD_HEAD = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQII")
-_FOOTER_BYTES = _RECORD_HEAD.size + 20
 _CHUNK_LIMIT = 2 << 30  # writers make chunks of a few MiB; a size beyond this is damage, not data
 _COMPRESSIONS = ("", "zstd", "lz4")
 
 
 @dataclass(frozen=True)
 class LogMessage:
-    """One message: its channel, the time it was logged, its bytes (a view that lives as long as it is held)."""
+    """One message: its channel, the time it was logged, its bytes (a view that lives as long as it is held).
+
+    publish_time_ns, sequence: as its publisher gave them.
+    """
 
     channel: Channel
     log_time_ns: int
     data: memoryview
+    publish_time_ns: int
+    sequence: int
 
 
 @dataclass(frozen=True)
@@ -50,26 +50,8 @@ class LostChunk:
     log_times_ns: dict[int, tuple[int, ...]]
 
 
-@dataclass(frozen=True)
-class LogIndex:
-    """The summary at the end of a finished log."""
-
-    schemas: dict[int, Schema] = field(default_factory=dict)
-    channels: dict[int, Channel] = field(default_factory=dict)
-    chunks: list[ChunkIndex] = field(default_factory=list)
-    statistics: Statistics | None = None
-
-
 class _DamagedError(Exception):
     """A chunk that has to be given up; the text is the reason."""
-
-
-_Record = TypeVar("_Record", covariant=True)
-
-
-class _Parser(Protocol[_Record]):
-    @staticmethod
-    def read(stream: ReadDataStream) -> _Record: ...
 
 
 class LogReader:
@@ -87,7 +69,7 @@ class LogReader:
         self.notes: list[str] = []
         try:
             with path.open("rb") as file:
-                self.index = _read_index(file)
+                self.index = read_index(file)
         except OSError as error:
             raise InputError(f"cannot be read ({error.strerror})", file=path, hint="check its permissions") from None
         # a chunk that is lost may have held the only other copy of these
@@ -99,7 +81,7 @@ class LogReader:
         """Return the first record, which says who wrote the log; None when it is damaged."""
         with self.path.open("rb") as file:
             for opcode, content, _ in self._records(file):
-                return _parse(Header, memoryview(content)) if opcode == Opcode.HEADER else None
+                return parse_record(Header, memoryview(content)) if opcode == Opcode.HEADER else None
         return None
 
     def read(self, topics: Collection[str] | None = None) -> Iterator[LogMessage | LostChunk]:
@@ -128,22 +110,39 @@ class LogReader:
         if lost:
             yield lost
 
+    def read_extras(self) -> Iterator[Attachment | Metadata]:
+        """Give the attachments and metadata records in file order; a broken one is noted."""
+        kinds: dict[int, type[Parser[Attachment | Metadata]]] = {
+            Opcode.ATTACHMENT: Attachment,
+            Opcode.METADATA: Metadata,
+        }
+        with self.path.open("rb") as file:
+            for opcode, content, _ in self._records(file, tuple(kinds)):
+                record = parse_record(kinds[opcode], memoryview(content)) if opcode in kinds else None
+                if record is not None:
+                    yield record
+                elif opcode in kinds:
+                    self.note("an attachment or metadata record is broken")
+
     def note(self, text: str) -> None:
         """Add a sentence once."""
         if text not in self.notes:
             self.notes.append(text)
 
-    def _records(self, file: BinaryIO) -> Iterator[tuple[int, bytes, bool]]:
-        """Give opcode, content and whether the file ends inside it, of each record up to the end of the data."""
+    def _records(self, file: BinaryIO, opcodes: Collection[int] | None = None) -> Iterator[tuple[int, bytes, bool]]:
+        """Give opcode, content and whether the file ends inside it, of each record up to the end of the data.
+
+        opcodes: the kinds whose content is read; a chunk that is cut or lost is given all the same.
+        """
         size = file.seek(0, 2)
         file.seek(0)
         if file.read(len(MAGIC)) != MAGIC:
             raise InputError("is no MCAP log", file=self.path, hint="give a file that starts with MCAP's magic bytes")
         at = len(MAGIC)
         while True:
-            head = file.read(_RECORD_HEAD.size)
-            opcode, length = _RECORD_HEAD.unpack(head) if len(head) == _RECORD_HEAD.size else (0, 0)
-            start, at = at, at + _RECORD_HEAD.size + length
+            head = file.read(RECORD_HEAD.size)
+            opcode, length = RECORD_HEAD.unpack(head) if len(head) == RECORD_HEAD.size else (0, 0)
+            start, at = at, at + RECORD_HEAD.size + length
             if opcode in (Opcode.DATA_END, Opcode.FOOTER):
                 return
             if opcode == 0 or at > size:
@@ -158,7 +157,7 @@ class LogReader:
                 if opcode == Opcode.CHUNK:
                     yield opcode, file.read(), True
                 return
-            if opcode in _READ_OPCODES:
+            if opcode in (opcodes or _READ_OPCODES):
                 yield opcode, file.read(length), False
             else:
                 file.seek(at)
@@ -170,25 +169,26 @@ class LogReader:
     def _record(self, opcode: int, content: memoryview, topics: Collection[str] | None) -> Iterator[LogMessage]:
         """Take in one record that is no chunk; give it when it is a wanted message."""
         if opcode == Opcode.MESSAGE and len(content) >= _MESSAGE_HEAD.size:
-            channel_id, _, log_time_ns, _ = _MESSAGE_HEAD.unpack_from(content)
+            channel_id, sequence, log_time_ns, publish_time_ns = _MESSAGE_HEAD.unpack_from(content)
             channel = self.channels.get(channel_id)
             if channel is None:
                 self.note(f"messages of channel {channel_id} are left out: the log does not say what it is")
             elif topics is None or channel.topic in topics:
-                yield LogMessage(channel, log_time_ns, content[_MESSAGE_HEAD.size :])
-        elif opcode == Opcode.SCHEMA and (schema := _parse(Schema, content)):
+                data = content[_MESSAGE_HEAD.size :]
+                yield LogMessage(channel, log_time_ns, data, publish_time_ns, sequence)
+        elif opcode == Opcode.SCHEMA and (schema := parse_record(Schema, content)):
             self.schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL and (new := _parse(Channel, content)):
+        elif opcode == Opcode.CHANNEL and (new := parse_record(Channel, content)):
             self.channels[new.id] = new
         elif opcode == Opcode.HEADER:
-            self.header = _parse(Header, content)
+            self.header = parse_record(Header, content)
 
     def _inside(self, chunk: memoryview, topics: Collection[str] | None, cut: bool) -> Iterator[LogMessage]:
         """Give the wanted messages of an uncompressed chunk; of a cut one those that are whole."""
         at = 0
-        while at + _RECORD_HEAD.size <= len(chunk):
-            opcode, length = _RECORD_HEAD.unpack_from(chunk, at)
-            at += _RECORD_HEAD.size
+        while at + RECORD_HEAD.size <= len(chunk):
+            opcode, length = RECORD_HEAD.unpack_from(chunk, at)
+            at += RECORD_HEAD.size
             if at + length > len(chunk):
                 break
             yield from self._record(opcode, chunk[at : at + length], topics)
@@ -218,7 +218,7 @@ class LogReader:
         return data
 
     def _lost_times(self, content: bytes) -> dict[int, tuple[int, ...]]:
-        index = _parse(MessageIndex, memoryview(content))
+        index = parse_record(MessageIndex, memoryview(content))
         return {} if index is None else {index.channel_id: tuple(time_ns for time_ns, _ in index.records)}
 
 
@@ -242,51 +242,3 @@ def _decompress(compression: str, data: memoryview, size: int) -> memoryview:
     except (zstandard.ZstdError, RuntimeError, EOFError, MemoryError) as error:
         raise _DamagedError(f"a chunk cannot be decompressed ({error})") from None
     return data[:size]
-
-
-def _parse(kind: type[_Parser[_Record]], content: memoryview) -> _Record | None:
-    """Parse a record; None when its bytes make no sense."""
-    try:
-        return kind.read(ReadDataStream(BytesIO(content)))
-    except (McapError, struct.error, UnicodeDecodeError):
-        return None
-
-
-def _read_index(file: BinaryIO) -> LogIndex | None:
-    """Read the summary; None when there is none, or its CRC says it is damaged."""
-    size = file.seek(0, 2)
-    if size < len(MAGIC) * 2 + _FOOTER_BYTES:
-        return None
-    file.seek(size - len(MAGIC) - _FOOTER_BYTES)
-    tail = file.read()
-    footer = _parse(Footer, memoryview(tail)[_RECORD_HEAD.size : _FOOTER_BYTES])
-    end = size - len(tail)
-    if tail[_FOOTER_BYTES:] != MAGIC or tail[0] != Opcode.FOOTER or not footer or not 0 < footer.summary_start <= end:
-        return None
-    file.seek(footer.summary_start)
-    records = file.read(end - footer.summary_start)
-    checked = zlib.crc32(tail[: _FOOTER_BYTES - 4], zlib.crc32(records))
-    if footer.summary_crc and footer.summary_crc != checked:
-        return None
-    return _index_of(memoryview(records))
-
-
-def _index_of(records: memoryview) -> LogIndex:
-    schemas: dict[int, Schema] = {}
-    channels: dict[int, Channel] = {}
-    chunks: list[ChunkIndex] = []
-    statistics: Statistics | None = None
-    at = 0
-    while at + _RECORD_HEAD.size <= len(records):
-        opcode, length = _RECORD_HEAD.unpack_from(records, at)
-        content = records[at + _RECORD_HEAD.size : at + _RECORD_HEAD.size + length]
-        at += _RECORD_HEAD.size + length
-        if opcode == Opcode.SCHEMA and (schema := _parse(Schema, content)):
-            schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL and (channel := _parse(Channel, content)):
-            channels[channel.id] = channel
-        elif opcode == Opcode.CHUNK_INDEX and (chunk := _parse(ChunkIndex, content)):
-            chunks.append(chunk)
-        elif opcode == Opcode.STATISTICS:
-            statistics = _parse(Statistics, content)
-    return LogIndex(schemas, channels, chunks, statistics)

@@ -120,8 +120,7 @@ def open_source(path: Path | str, *, topic: str | None = None, fps: Fraction | f
     InputError for content that cannot be read.
     """
     path = local_path(path)
-    head = b"" if path.is_dir() else _head(path)
-    kind = next(kind for kind in KINDS if kind.recognises(path, head))
+    kind = _kind(path)
     if topic is not None and kind.name != "mcap":
         raise UsageError("has no topics, only an MCAP log has", file=path, hint="leave out --topic")
     if fps is not None and kind.name != "images":
@@ -130,6 +129,16 @@ def open_source(path: Path | str, *, topic: str | None = None, fps: Fraction | f
         raise UsageError(f"cannot have {fps} pictures a second", file=path, hint="give --fps above 0")
     # by its text: 29.97 is 2997/100, not the binary fraction next to it
     return kind.open(path, topic, None if fps is None else Fraction(str(fps)))
+
+
+def kind_of(path: Path | str) -> SourceKind:
+    """Tell which kind of source a path is, without opening it. Raises as `open_source` does for what is none."""
+    return _kind(local_path(path)).name
+
+
+def _kind(path: Path) -> Kind:
+    head = b"" if path.is_dir() else _head(path)
+    return next(kind for kind in KINDS if kind.recognises(path, head))
 
 
 def _open_images(path: Path, _topic: str | None, fps: Fraction | None) -> Source:

@@ -1,4 +1,4 @@
-"""H.264 video in MP4 that plays everywhere, with the source's own times."""
+"""H.264 video in MP4 or MOV that plays everywhere, with the source's own times."""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ MAX_TIMESCALE = 10_000_000  # 3.5 minutes between two pictures
 MAX_STEP = 2**31 - 1  # ticks between two pictures: what FFmpeg lets an MP4 hold
 KEY_FRAME_S = 2  # seconds between key frames: what a seek costs, and what a killed recording may lose
 BT709, LIMITED = 1, 1  # ITU-T H.273 codes
+# The endings this can write, with FFmpeg's name of the container
+VIDEO_FORMATS = {".mp4": "mp4", ".m4v": "mp4", ".mov": "mov"}
 FRAME_DURATION = 1 << 8  # AV_CODEC_FLAG_FRAME_DURATION: packets last as long as their pictures
 X264 = {"preset": "veryfast", "crf": "20"}
 # Fragments while recording, so that a killed one can be read up to its last second; turned into a plain file with one
@@ -34,6 +36,8 @@ MUXER = {"movflags": "hybrid_fragmented+frag_keyframe+delay_moov", "flush_packet
 
 class VideoWriter:
     """Writes pictures as H.264 (yuv420p, BT.709) with times that read back exactly as given.
+
+    path: the ending `.mov` makes a MOV, any other an MP4.
 
     width, height: pixels of the pictures; an odd side is padded by one replicated row or column, as 4:2:0 needs.
     time_base: the source's own (`SourceInfo.time_base`), then every t_ns of that source reads back the same, a later
@@ -51,6 +55,7 @@ class VideoWriter:
         if fps is not None and fps <= 0:
             raise UsageError(f"a rate of {fps} pictures a second is impossible", hint="give --fps above 0")
         self.path, self.width, self.height, self.fps = Path(path), width, height, fps
+        self._format = VIDEO_FORMATS.get(self.path.suffix.lower(), "mp4")
         self.written = 0
         self.bumped = 0
         self.resized = 0
@@ -188,7 +193,7 @@ class VideoWriter:
         options = MUXER | {"video_track_timescale": scale, "movie_timescale": scale}
         try:
             self.path.open("wb").close()  # PyAV opens it with the first picture only; a bad place shall be said now
-            return av.open(str(self.path), "w", format="mp4", options=options)
+            return av.open(str(self.path), "w", format=self._format, options=options)
         except (av.FFmpegError, OSError) as error:
             raise self._failed(error) from None
 

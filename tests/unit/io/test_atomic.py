@@ -341,3 +341,20 @@ class TestResumable:
             write_small_and_large(work.whole)
         with resumable_folder(tmp_path / "set", "a", mark="m") as work:
             assert "small" in names(work.whole)
+
+
+def test_a_folder_of_known_names_is_replaced_and_no_other(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "a.png").write_text("old")
+    ours = {"a.png", "b.png"}.issuperset
+    with atomic_folder(folder, overwrite=True, mark=ours) as temporary:
+        (temporary / "b.png").write_text("new")
+    assert names(folder) == ["b.png"]
+    (folder / "letter.txt").write_text("mine")
+    with (
+        pytest.raises(UsageError, match="holds files landtool did not write"),
+        atomic_folder(folder, overwrite=True, mark=ours),
+    ):
+        pass
+    assert names(folder) == ["b.png", "letter.txt"]

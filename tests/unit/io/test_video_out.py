@@ -239,3 +239,12 @@ def test_an_error_of_the_caller_is_not_hidden(tmp_path: Path) -> None:
     writer.close()  # closing again is harmless
     with pytest.raises(OutputError, match="is closed already"):
         writer.write(picture(0), None)
+
+
+def test_a_mov_holds_the_same_times(tmp_path: Path) -> None:
+    times_ns = [0, 40_000_000, 55_000_000, 1_000_000_000]
+    with VideoWriter(tmp_path / "a.MOV", 32, 16, Fraction(1, 1000)) as writer:
+        for t_ns in times_ns:
+            writer.write(np.zeros((16, 32, 3), np.uint8), t_ns)
+    assert (tmp_path / "a.MOV").read_bytes()[4:12] == b"ftypqt  "
+    assert [frame.t_ns for frame in VideoSource(tmp_path / "a.MOV")] == times_ns
