@@ -10,6 +10,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
+from landtool.dehaze.config import DehazeConfig
 from landtool.detect.config import DetectorConfig
 from landtool.errors import InputError, UsageError
 from landtool.families import canonical_name
@@ -109,6 +110,25 @@ class DetectConfig:
 
     def __post_init__(self) -> None:
         _refuse_unknown_outputs(self.save)
+        _refuse_out_of_bounds(self)
+
+
+@dataclass(frozen=True)
+class DehazeCommandConfig:
+    """Everything `landtool dehaze` can be told, except its inputs and its output."""
+
+    # auto: frames that are hazy enough (`haze_on`, `haze_off`); on: every frame
+    when: Literal["auto", "on"] = "auto"
+    # write the input's picture to the left of the output's, twice as wide
+    side_by_side: bool = False
+    # write the transmission of each dehazed frame beside the output, as PNGs of 16 bits, 65535 for 1
+    save_transmission: bool = False
+    # image topic of an MCAP log; frame rate of a folder of images
+    topic: str | None = None
+    fps: float | None = None
+    dehaze: DehazeConfig = field(default_factory=DehazeConfig)
+
+    def __post_init__(self) -> None:
         _refuse_out_of_bounds(self)
 
 

@@ -23,13 +23,16 @@ def from_file(defaults: Settings, file: Path | None) -> Settings:
 
 
 def with_options(base: Settings, flags: Mapping[str, Any]) -> Settings:
-    """Return the settings with the options that were given put in: `tags__tone` goes into the table `tags`."""
+    """Return the settings with the options that were given put in: `tags__tone` is `tone` in the table `tags`."""
     values: dict[str, Any] = {}
     for name, value in flags.items():
         if value is None:
             continue
-        table, _, key = name.rpartition("__")
-        (values.setdefault(table, {}) if table else values)[key] = value
+        *tables, key = name.split("__")
+        place = values
+        for table in tables:
+            place = place.setdefault(table, {})
+        place[key] = value
     try:
         return configured(base, values)
     except InputError as error:  # no file's content but what was typed
