@@ -35,7 +35,7 @@ bench: $(VENV)/.installed-dev ## print the tables of speed and accuracy
 fixtures: $(VENV)/.installed-dev ## make the files in datasets/fixtures again
 	$(BIN)/python tools/make_fixtures.py
 
-model: $(VENV)/.installed-train ## train the shipped network from nothing: about two hours on two cores
+model: $(VENV)/.installed-train ## train the shipped network from nothing: about two and a half hours on two cores
 	$(BIN)/python tools/make_model.py $(foreach place,$(BACKGROUNDS),--backgrounds $(place))
 
 clean: ## remove the environment, caches and builds; runs/ stays
