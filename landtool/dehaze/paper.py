@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 
-from landtool.dehaze.air import Air, Map
+from landtool.dehaze.air import Air, Airlight, Map
 from landtool.dehaze.airlight import airlight
 from landtool.dehaze.config import PaperConfig
 from landtool.dehaze.dark_channel import least_colour, least_nearby
@@ -13,6 +15,7 @@ from landtool.dehaze.guided import Coefficients, guided_coefficients
 from landtool.dehaze.matting import soft_matting
 from landtool.dehaze.recovery import recover
 from landtool.dehaze.transmission import transmission_of_least
+from landtool.dehaze.veil import Veil
 from landtool.types import Image
 
 # a transmission is above 0
@@ -30,12 +33,21 @@ class PaperRecipe:
     def __init__(self, config: PaperConfig) -> None:
         self.config = config
 
-    def estimate(self, image: Image) -> Air:
-        """Return the airlight, and the transmission at the picture's full size. InputError as `soft_matting`."""
+    def estimate(
+        self,
+        image: Image,
+        veil: Veil | None = None,  # noqa: ARG002 - the paper knows nothing of it
+        steady: Callable[[Airlight], Airlight] | None = None,
+    ) -> Air:
+        """Return the airlight, and the transmission at the picture's full size. InputError as `soft_matting`.
+
+        steady: smooths the airlight in time.
+        """
         config = self.config
         # the least colour of the least nearby is the dark channel; the transmission needs the colours apart
         least = least_nearby(image, config.patch_px)
         air = airlight(image, least_colour(least), config.airlight, config.airlight_share)
+        air = steady(air) if steady else air
         coarse = transmission_of_least(self._sampled(least), air, config.omega)
         guide = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
         fitted = self._fitted(image, guide, coarse)

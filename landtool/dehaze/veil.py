@@ -1,0 +1,96 @@
+"""The veil: haze as a camera that looks down sees it, one airlight and a transmission smooth over the ground.
+
+From above the dark channel prior has no sky to take the airlight from, and takes it from the pad; its transmission
+follows every object's edge. Here the air is seven numbers, found by a small regression from statistics of the picture
+(how dark its dark parts are, how colourful, how contrasty) that was fitted on generated fog by `tools/fit_veil.py`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from importlib import resources
+
+import numpy as np
+from numpy.typing import NDArray
+
+from landtool.dehaze.statistics import DARK, SHARES, Statistics
+from landtool.tone import srgb_decode
+
+Array = NDArray[np.float64]
+
+OUTPUTS = 7
+LEAST_TRANSMISSION = 0.08
+VEIL_OF_DARK = 1.1  # a veil is at most this much brighter than what is darkest: averages hide the darkest
+TINT = 0.2  # of the scaled outputs: what 1 means
+SLOPE = 0.3
+_LEAST_RISE, _MOST_RISE = 0.2, 5.0
+_LEAST_LOST = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Veil:
+    """What lies before a picture. veil: (3,) light it adds in the middle, blue first, linear, 0 to 1.
+
+    lost: share of the scene's light lost in the middle, 1 - t. slope: (2,) by how much the logarithm of both rises
+    from the middle to the right and to the lower border. haze: the best guess of 1 - t, which is less cautious.
+    """
+
+    veil: Array
+    lost: float
+    slope: Array
+    haze: float
+
+    @property
+    def airlight(self) -> Array:
+        """A (3,): the light of endless air."""
+        return np.asarray(self.veil / self.lost)
+
+    def transmission(self, width: int, height: int) -> NDArray[np.float32]:
+        """Return t (height, width): 1 - t rises as an exponential across the picture."""
+        x, y = (np.linspace(-1.0, 1.0, n) if n > 1 else np.zeros(1) for n in (width, height))
+        rise = np.exp(self.slope[0] * x[None, :] + self.slope[1] * y[:, None])
+        t = 1.0 - self.lost * np.clip(rise, _LEAST_RISE, _MOST_RISE)
+        return np.asarray(np.maximum(t, LEAST_TRANSMISSION), np.float32)
+
+    def lit(self, factor: float) -> Veil:
+        """Return the veil in a light that is stronger by a factor."""
+        return replace(self, veil=self.veil * factor)
+
+    def blended(self, other: Veil, share: float) -> Veil:
+        """Return the veil that is `share` of the way to another."""
+        return Veil(
+            self.veil + share * (other.veil - self.veil),
+            self.lost + share * (other.lost - self.lost),
+            self.slope + share * (other.slope - self.slope),
+            self.haze + share * (other.haze - self.haze),
+        )
+
+
+def estimate_veil(known: Statistics) -> Veil:
+    """Return the veil before a picture with these statistics (`landtool.dehaze.statistics`)."""
+    fitted = _fitted()
+    z = ((known - fitted["mean"]) / fitted["spread"])[None, None]  # of each guess, of one picture
+    for layer in ("first", "second"):
+        z = np.tanh(z @ fitted[f"{layer}_weight"] + fitted[f"{layer}_bias"])
+    outputs = np.asarray((z @ fitted["last_weight"] + fitted["last_bias"]).mean(axis=(0, 1)), np.float64)
+    dark = np.asarray(srgb_decode(known[[c * len(SHARES) + DARK for c in range(3)]]), np.float64)
+    tint = np.exp(TINT * np.array([outputs[1], 0.0, outputs[2]]))
+    share = _sigmoid(outputs[0]) * VEIL_OF_DARK
+    return Veil(
+        share * 0.5 * (dark + dark.mean() * tint),
+        max(_sigmoid(outputs[5]), _LEAST_LOST),
+        SLOPE * outputs[3:5],
+        _sigmoid(outputs[6]),
+    )
+
+
+def _sigmoid(value: float) -> float:
+    return float(1.0 / (1.0 + np.exp(-np.clip(value, -30.0, 30.0))))
+
+
+@lru_cache(maxsize=1)
+def _fitted() -> dict[str, NDArray[np.float32]]:
+    """Return the regressions: two layers of tanh and a linear one each, with the statistics' mean and spread."""
+    with (resources.files("landtool") / "data" / "veil.npz").open("rb") as file:
+        return dict(np.load(file))
