@@ -43,7 +43,7 @@ TRAININGS = (
         "second",
         ("pads", "signs", "far"),
         ("pads", "far"),
-        "iterations = 1800\nlearning_rate = 0.0008\ndegrade = 0.2\n",
+        "iterations = 1500\nlearning_rate = 0.0008\ndegrade = 0.2\n",
     ),
 )
 
