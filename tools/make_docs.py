@@ -21,7 +21,8 @@ from typing import Any, Literal
 import click
 
 from landtool import config
-from landtool.config import DetectConfig, GenerateConfig, TrackConfig
+from landtool.config import DehazeCommandConfig, DetectConfig, GenerateConfig, TrackConfig
+from landtool.dehaze import config as dehaze
 from landtool.detect import config as detector
 from landtool.families import tag_family
 from landtool.io.mcap_decoders import VIDEO_CODECS
@@ -37,7 +38,7 @@ from landtool_cli.main import COMMANDS, cli
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 _COMMON = ("help", "verbose", "quiet", "debug")
-_BOUNDS = config.BOUNDS | tracker.BOUNDS | detector.BOUNDS | training.BOUNDS
+_BOUNDS = config.BOUNDS | tracker.BOUNDS | detector.BOUNDS | training.BOUNDS | dehaze.BOUNDS | dehaze.PAPER_BOUNDS
 _KINDS = {"int": "whole number", "float": "number", "str": "text", "bool": "true or false", "Path": "file name"}
 
 
@@ -155,6 +156,19 @@ def detect_settings() -> str:
     parts = [_settings_table(DetectConfig(), "", options)]
     for name in ("detector", "tags"):
         parts += [f"In the table `[{name}]`:", _settings_table(getattr(DetectConfig(), name), f"{name}.", options)]
+    return "\n\n".join(parts)
+
+
+def dehaze_settings() -> str:
+    """Describe the keys of a settings file for `landtool dehaze`."""
+    command = cli.get_command(click.Context(cli), "dehaze")
+    assert command is not None
+    options = {(p.name or "").replace("__", "."): p.opts[0] for p in command.params if isinstance(p, click.Option)}
+    base = DehazeCommandConfig()
+    tables = {"dehaze": base.dehaze, "dehaze.paper": base.dehaze.paper}
+    parts = [_settings_table(base, "", options)]
+    for name, table in tables.items():
+        parts += [f"In the table `[{name}]`:", _settings_table(table, f"{name}.", options)]
     return "\n\n".join(parts)
 
 
@@ -349,6 +363,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "common options": common_options,
     "settings": settings_reference,
     "detect settings": detect_settings,
+    "dehaze settings": dehaze_settings,
     "generate settings": generate_settings,
     "train settings": train_settings,
     "domain": domain_settings,

@@ -26,6 +26,7 @@ COMMANDS = {
     "track": ("landtool_cli.commands.track", "Follow the pad through recordings: poses, track, prediction, video."),
     "train": ("landtool_cli.commands.train", "Train the network that finds the pad from afar."),
     "detect": ("landtool_cli.commands.detect", "Find pad and tags in recordings: boxes in pixels, video."),
+    "dehaze": ("landtool_cli.commands.dehaze", "Take the haze out of recordings; kind, size and timing stay."),
     "generate": ("landtool_cli.commands.generate", "Make images and clips with exact truth, to train and to test."),
     "export": ("landtool_cli.commands.export", "Write a trained network as ONNX or as darknet's weights."),
     "pad": ("landtool_cli.commands.pad", "Make the target for printing, at true scale."),

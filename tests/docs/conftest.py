@@ -24,7 +24,7 @@ FIXTURES = ROOT / "datasets" / "fixtures"
 DOCS = ROOT / "docs"
 PAGES = sorted([ROOT / "README.md", *DOCS.glob("*.md")])
 # What the docs call a copy of a fixture
-COPIES = {"flight.mp4": "approach.mp4", "camera.yaml": "approach.camera.yaml"}
+COPIES = {"flight.mp4": "approach.mp4", "fog.mp4": "hover-fog.mp4", "camera.yaml": "approach.camera.yaml"}
 PICTURES = 6
 DAMAGE = slice(200_000, 200_400)
 

@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 import pytest
 
-from landtool.config import DetectConfig, GenerateConfig, TrackConfig
+from landtool.config import DehazeCommandConfig, DetectConfig, GenerateConfig, TrackConfig
+from landtool.dehaze.config import DehazeConfig, PaperConfig
 from landtool.detect.config import DetectorConfig
 from landtool.detect.layouts import LAYOUTS
 from landtool.inspect.facts import Facts
@@ -95,8 +96,8 @@ def test_generated_parts_are_fresh(make_docs: ModuleType) -> None:
 
 
 def test_every_setting_is_explained(make_docs: ModuleType) -> None:
-    tables = (type(TrackConfig().tags), type(TrackConfig().tracker), DetectorConfig, Domain)
-    for kind in (TrackConfig, DetectConfig, GenerateConfig, *tables):
+    tables = (type(TrackConfig().tags), type(TrackConfig().tracker), DetectorConfig, Domain, DehazeConfig, PaperConfig)
+    for kind in (TrackConfig, DetectConfig, GenerateConfig, DehazeCommandConfig, *tables):
         said = make_docs.field_comments(kind)
         unsaid = [f.name for f in fields(kind) if not said.get(f.name)]
         assert not unsaid, f"{kind.__name__} has no comment above {', '.join(unsaid)}"
