@@ -74,6 +74,10 @@ class TrackConfig:
     fps: float | None = None
     # outputs to write
     save: tuple[str, ...] = SAVES
+    # when frames are dehazed: auto: when they are hazy; the tags of a dehazed frame are read in it where the original
+    # shows none
+    dehaze: Literal["auto", "on", "off"] = "auto"
+    dehazer: DehazeConfig = field(default_factory=DehazeConfig)
     tags: TagConfig = field(default_factory=TagConfig)
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
 
@@ -105,6 +109,10 @@ class DetectConfig:
     fps: float | None = None
     # outputs to write
     save: tuple[str, ...] = SAVES
+    # when frames are dehazed: auto: when they are hazy; the network looks at the dehazed frame, tags are read in it
+    # where the original shows none
+    dehaze: Literal["auto", "on", "off"] = "auto"
+    dehazer: DehazeConfig = field(default_factory=DehazeConfig)
     detector: DetectorConfig = field(default_factory=DetectorConfig)
     tags: TagConfig = field(default_factory=TagConfig)
 
@@ -126,7 +134,7 @@ class DehazeCommandConfig:
     # image topic of an MCAP log; frame rate of a folder of images
     topic: str | None = None
     fps: float | None = None
-    dehaze: DehazeConfig = field(default_factory=DehazeConfig)
+    dehazer: DehazeConfig = field(default_factory=DehazeConfig)
 
     def __post_init__(self) -> None:
         _refuse_out_of_bounds(self)

@@ -46,6 +46,8 @@ def panel_lines(
         best = max((box.score for box in result.detections), default=None)
         boxes = str(len(result.detections)) if best is None else f"{len(result.detections)}, best {best:.2f}"
         lines += [Line("boxes", boxes, mark=BOX), Line("tags", str(len(result.tags)), mark=TAG)]
+    if result.dehazed and result.haze is not None:
+        lines.append(Line("haze", f"{result.haze:.2f}, dehazed"))
     rate = UNKNOWN if frames_per_s is None else f"{frames_per_s:.0f} fps"
     return [*lines, Line("processing", rate)]
 

@@ -17,6 +17,27 @@ _MISFIT_PX = 3.0
 Results = Iterable[tuple[Frame | LostFrame, FrameResult]]
 
 
+class HazeCount:
+    """How many frames were dehazed, and the haze before them on the mean."""
+
+    def __init__(self) -> None:
+        self._seen = self._dehazed = 0
+        self._sum = 0.0
+
+    def add(self, result: FrameResult) -> None:
+        """Take one frame in."""
+        if result.haze is not None:
+            self._seen += 1
+            self._sum += result.haze
+            self._dehazed += result.dehazed
+
+    def lines(self) -> list[str]:
+        """Return what is to be said of it: nothing where nothing was dehazed."""
+        if not self._dehazed:
+            return []
+        return [f"haze {self._sum / self._seen:.2f} on the mean, {self._dehazed} of {self._seen} frames dehazed"]
+
+
 class Summary:
     """Counts and extremes over a run; memory does not grow with its length.
 
@@ -37,6 +58,7 @@ class Summary:
         self.least_distance_m: float | None = None
         self.longest_gap_s = 0.0
         self._last_pose_ns: int | None = None
+        self._haze = HazeCount()
 
     def watch(self, results: Results) -> Iterator[tuple[Frame | LostFrame, FrameResult]]:
         """Pass results on and take them in."""
@@ -47,6 +69,7 @@ class Summary:
 
     def _add(self, result: FrameResult) -> None:
         self.frames += 1
+        self._haze.add(result)
         self.tags += len(result.tags)
         order = ("confirmed", "coasting", "tentative")
         self.states[min((t.status for t in result.tracks), key=order.index, default="none")] += 1
@@ -79,6 +102,7 @@ class Summary:
             said.append(f"{gap}mirror poses rejected {self.flips_rejected}")
         share = ", ".join(f"{state} {count}" for state, count in sorted(self.states.items()))
         said.append(f"track, frames by state: {share or 'none'}")
+        said += self._haze.lines()
         if self.assumed:
             said.append(f"camera assumed: {self.assumed}; distances are as good as that")
         return said
@@ -119,6 +143,7 @@ class DetectionSummary:
         self.searches: Counter[str] = Counter()
         self._scores: list[float] = []  # of the best box of a frame: least, sum, most
         self._times: dict[str, StageTime] = {}
+        self._haze = HazeCount()
 
     def watch(self, results: Results) -> Iterator[tuple[Frame | LostFrame, FrameResult]]:
         """Pass results on and take them in."""
@@ -129,6 +154,7 @@ class DetectionSummary:
 
     def _add(self, result: FrameResult) -> None:
         self.frames += 1
+        self._haze.add(result)
         self.tags += len(result.tags)
         self.tagged += bool(result.tags)
         self.searches.update([result.search] if result.search else [])
@@ -161,6 +187,7 @@ class DetectionSummary:
             said.append(f"searched around the expected place in {self.searches['region']} frames")
         if self._reads_tags:
             said.append(f"tags read {self.tags}, in {self.tagged} frames")
+        said += self._haze.lines()
         if self._times:
             said.append("ms a frame: " + ", ".join(f"{stage} {t.mean_ms:.1f}" for stage, t in self._times.items()))
         return said

@@ -34,7 +34,7 @@ SETS = {11: 1300, 12: 1300, 13: 1600}  # seed of the scenes, and how many
 FOGS = 6  # before each scene, all different
 HIDDEN = 48
 GUESSES = 5  # of as many regressions; their mean is off by less than each
-RISK = 2.0  # a decibel lost counts for that many more
+RISK = 2.5  # a decibel lost counts for that many more
 LUMA = torch.tensor([0.0722, 0.7152, 0.2126])[None, :, None, None]
 Batch = dict[str, Tensor]
 
@@ -134,10 +134,10 @@ def foggy(light: Tensor, distance: Tensor, level: Tensor) -> Batch:
 
 
 def contrasty(light: Tensor, level: Tensor) -> Tensor:
-    """Return scenes with darker darks and more texture than drawn ones have, as real ones are."""
+    """Return scenes with other contrasts and more texture than drawn ones have, as real ones are."""
     n, _, height, width = light.shape
-    scenes = level * (light / level).clamp(min=1e-4) ** uniform(n, 0.85, 1.6)
-    strength = torch.where(uniform(n, 0, 1) < 0.6, uniform(n, 0.0, 0.35), torch.zeros(n, 1, 1, 1))
+    scenes = level * (light / level).clamp(min=1e-4) ** uniform(n, 0.9, 1.15)
+    strength = torch.where(uniform(n, 0, 1) < 0.6, uniform(n, 0.0, 0.2), torch.zeros(n, 1, 1, 1))
     coarse = functional.interpolate(torch.randn(n, 1, height // 4, width // 4), size=(height, width), mode="bilinear")
     scenes = scenes * torch.exp(strength * (0.5 * torch.randn(n, 1, height, width) + 0.8 * coarse))
     # as bright on the mean as before: cameras see to that

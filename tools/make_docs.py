@@ -165,7 +165,7 @@ def dehaze_settings() -> str:
     assert command is not None
     options = {(p.name or "").replace("__", "."): p.opts[0] for p in command.params if isinstance(p, click.Option)}
     base = DehazeCommandConfig()
-    tables = {"dehaze": base.dehaze, "dehaze.paper": base.dehaze.paper}
+    tables = {"dehazer": base.dehazer, "dehazer.paper": base.dehazer.paper}
     parts = [_settings_table(base, "", options)]
     for name, table in tables.items():
         parts += [f"In the table `[{name}]`:", _settings_table(table, f"{name}.", options)]

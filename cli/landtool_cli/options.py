@@ -99,6 +99,15 @@ def pad(function: Decorated) -> Decorated:
     )
 
 
+def dehaze(function: Decorated) -> Decorated:
+    """Take `--dehaze auto|on|off`: `dehaze`, None when not given."""
+    return click.option(
+        "--dehaze",
+        type=click.Choice(["auto", "on", "off"]),
+        help="Look through haze: where there is some, in every frame, or never.  [default: auto]",
+    )(function)
+
+
 def topic(function: Decorated) -> Decorated:
     """Take `--topic NAME`: `topic`, None when not given."""
     return click.option("--topic", metavar="NAME", help="Image topic of an MCAP log that holds more than one.")(

@@ -41,7 +41,7 @@ class PaperConfig:
     airlight_share: float = 0.001
     # share of the haze that is taken off
     omega: float = 0.95
-    # how the transmission is fitted to the picture's edges: guided filter, or the matting Laplacian (minutes a picture)
+    # how the transmission is fitted to the picture's edges: guided filter, or the matting Laplacian (a second a picture)
     refine: Refinement = "guided"
     # guided filter: radius of its windows, pixels of the full picture; and its regularisation, for values in [0, 1]
     guided_radius_px: int = 60
@@ -65,15 +65,16 @@ class DehazeConfig:
 
     # veil: a smooth veil is taken off in linear light, made for pictures from above; paper: the dark channel prior
     recipe: Literal["veil", "paper"] = "veil"
-    # the pictures' tone curve, which veil undoes: srgb, none, or a gamma; paper works on the numbers as they are
+    # the pictures' tone curve, which the estimate of haze and the recipe veil undo: srgb, none, or a gamma; the recipe
+    # paper works on the numbers as they are
     tone: str = "srgb"
-    # share of the veil that is taken off (recipe veil)
+    # share taken off of what the recipe would take off
     strength: float = 1.0
     # time over which airlight and haze are smoothed in a video, seconds; 0: every frame for itself
     smooth_s: float = 0.5
     # auto: dehazing starts at this haze, and ends below that
-    haze_on: float = 0.25
-    haze_off: float = 0.2
+    haze_on: float = 0.09
+    haze_off: float = 0.07
     # the numbers of recipe paper
     paper: PaperConfig = field(default_factory=PaperConfig)
 

@@ -14,7 +14,7 @@ from importlib import resources
 import numpy as np
 from numpy.typing import NDArray
 
-from landtool.dehaze.statistics import DARK, SHARES, Statistics
+from landtool.dehaze.statistics import DARK, MIDDLE, SHARES, Statistics
 from landtool.tone import srgb_decode
 
 Array = NDArray[np.float64]
@@ -25,7 +25,9 @@ VEIL_OF_DARK = 1.1  # a veil is at most this much brighter than what is darkest:
 TINT = 0.2  # of the scaled outputs: what 1 means
 SLOPE = 0.3
 _LEAST_RISE, _MOST_RISE = 0.2, 5.0
-_LEAST_LOST = 1e-3
+_LEAST_LOST, _LEAST_LIGHT = 1e-3, 1e-4
+# how far the change of the middle light is believed, and its bounds
+_TRUST, _LEAST_RATIO, _MOST_RATIO = 0.75, 0.1, 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,13 +78,22 @@ def estimate_veil(known: Statistics) -> Veil:
     outputs = np.asarray((z @ fitted["last_weight"] + fitted["last_bias"]).mean(axis=(0, 1)), np.float64)
     dark = np.asarray(srgb_decode(known[[c * len(SHARES) + DARK for c in range(3)]]), np.float64)
     tint = np.exp(TINT * np.array([outputs[1], 0.0, outputs[2]]))
-    share = _sigmoid(outputs[0]) * VEIL_OF_DARK
-    return Veil(
-        share * 0.5 * (dark + dark.mean() * tint),
-        max(_sigmoid(outputs[5]), _LEAST_LOST),
-        SLOPE * outputs[3:5],
-        _sigmoid(outputs[6]),
-    )
+    veil = _sigmoid(outputs[0]) * VEIL_OF_DARK * 0.5 * (dark + dark.mean() * tint)
+    light = max(float(srgb_decode(known[[c * len(SHARES) + MIDDLE for c in range(3)]]).mean()), _LEAST_LIGHT)
+    lost = _cautious(_sigmoid(outputs[5]), float(veil.mean()) / light)
+    return Veil(veil, lost, SLOPE * outputs[3:5], _sigmoid(outputs[6]))
+
+
+def _cautious(lost: float, veil: float) -> float:
+    """Return the share of light lost that leaves the middle light nearer to what it is.
+
+    veil: in units of the middle light. Taking it off and not gaining enough makes a picture dark, which costs more
+    than anything: fogs the regression has not seen are met half-way.
+    """
+    # without the veil the middle light is (1 - veil) / t of what it is
+    ratio = min(max((1.0 - veil) / (1.0 - lost), _LEAST_RATIO), _MOST_RATIO)
+    t: float = (1.0 - lost) * ratio ** (1.0 - _TRUST)
+    return min(max(1.0 - t, _LEAST_LOST), 1.0 - LEAST_TRANSMISSION)
 
 
 def _sigmoid(value: float) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import cv2
@@ -10,7 +9,7 @@ import numpy as np
 
 from landtool.dehaze.air import Air, Airlight, Map
 from landtool.dehaze.bands import bands
-from landtool.dehaze.noise import noise_level, quieter
+from landtool.dehaze.noise import quieter
 from landtool.dehaze.tables import Levels, Tables, recover_by_tables
 from landtool.dehaze.veil import Veil
 from landtool.tone import Tone, encode, linear_lut
@@ -20,9 +19,8 @@ from landtool.types import Image
 _MAP = (80, 60)
 _LEVELS = 256
 _CODES = 4096  # of light before it is encoded again: 12 bits
-# details below this, times what grows with the noise and the gain, are taken back
-_NOISE_GAIN = 4.5
-_MOST_THRESHOLD = 16.0
+# grey levels below which detail is taken for noise: without gain, and more for each time that 1 / t adds to it
+_THRESHOLD, _THRESHOLD_OF_GAIN, _MOST_THRESHOLD = 3.5, 5.0, 16.0
 
 
 class VeilRecipe:
@@ -40,7 +38,7 @@ class VeilRecipe:
     def recover(self, image: Image, air: Air) -> Image:
         """Return the picture without the veil, a new array."""
         levels, transmission = _levels(air.transmission, image.shape[1], image.shape[0])
-        threshold = noise_threshold(image, air.transmission)
+        threshold = noise_threshold(air.transmission)
         tables = self._tables(air.airlight, transmission)
         made = np.empty_like(image)
         for band in bands(*levels.shape):
@@ -62,11 +60,13 @@ class VeilRecipe:
         return tables
 
 
-def noise_threshold(image: Image, transmission: Map) -> float:
-    """Return the detail, in grey levels, below which a picture is taken for noise, before 1 / t makes it larger."""
-    t = float(np.median(transmission))
-    growth = max(1.0 / (t * t) - 1.0, 0.0)
-    return min(_NOISE_GAIN * math.sqrt(noise_level(image) * growth), _MOST_THRESHOLD)
+def noise_threshold(transmission: Map) -> float:
+    """Return the detail, in grey levels, below which a picture is taken for noise, before 1 / t makes it larger.
+
+    A threshold by the measured noise did no better: where texture is all there is, it counts as noise.
+    """
+    gain = 1.0 / float(np.median(transmission))
+    return min(_THRESHOLD + _THRESHOLD_OF_GAIN * (gain - 1.0), _MOST_THRESHOLD)
 
 
 def _levels(transmission: Map, width: int, height: int) -> tuple[Levels, Map]:

@@ -86,7 +86,7 @@ def dehaze(
     summary, timings = DehazeSummary(maps), {"dehaze": StageTime(), "write": StageTime()}
     with ExitStack() as stack:
         source = stack.enter_context(open_source(path, topic=config.topic, fps=config.fps))
-        stage = DehazeStage(config.dehaze, when=config.when)
+        stage = DehazeStage(config.dehazer, when=config.when)
         outputs = [stack.enter_context(made) for made in _outputs(source, output, maps, config, overwrite)]
         if on_start is not None:
             on_start(source.info)

@@ -16,6 +16,7 @@ from landtool.io.local import local_file
 from landtool.io.source import SourceInfo
 from landtool.pad import PadSpec
 from landtool.pipeline import SMALLEST_PX, find
+from landtool.run.haze import dehaze_stage
 from landtool.run.recording import OnFrame, Results, RunOutcome, RunParts, RunRequest, run_recording
 from landtool.run.tags import tag_reader
 from landtool.summary import DetectionSummary
@@ -98,7 +99,7 @@ def _parts(config: DetectConfig, files: DetectFiles, info: SourceInfo) -> RunPar
         if config.tags.which != "none":
             reader = tag_reader(config.tags, files.pad)
             tags = TagFinder(reader, files.pad, everywhere=everywhere, follow=info.has_clock)
-        return find(frames, detector=boxes, tags=tags)
+        return find(frames, detector=boxes, tags=tags, dehazer=dehaze_stage(config.dehaze, config.dehazer))
 
     width, height = files.detector.imgsz
     network = f"{files.model.name}, input {width}x{height}, layout {files.detector.layout}"

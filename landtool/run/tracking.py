@@ -19,6 +19,7 @@ from landtool.io.poses import STRAIGHT_DOWN, EgoPoses, read_ego, read_mount
 from landtool.io.source import SourceInfo
 from landtool.pad import PadSpec
 from landtool.pipeline import SMALLEST_PX, process
+from landtool.run.haze import dehaze_stage
 from landtool.run.recording import OnFrame, RunOutcome, RunParts, RunRequest, run_recording
 from landtool.run.tags import tag_reader
 from landtool.summary import Summary
@@ -97,7 +98,12 @@ def track(
         setup = _resolve(config, read, info)
         tracker = PlatformTracker(config.tracker, setup.body_T_camera, setup.ego)
         return RunParts(
-            lambda frames: process(frames, tags=_tag_stage(config, setup), tracker=tracker),
+            lambda frames: process(
+                frames,
+                dehazer=dehaze_stage(config.dehaze, config.dehazer),
+                tags=_tag_stage(config, setup),
+                tracker=tracker,
+            ),
             Summary(setup.camera, setup.pad),
             Overlay(setup.camera, setup.pad),
             camera_T_reference=lambda result: tracker.camera_T_reference(result.t_ns),

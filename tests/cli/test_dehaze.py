@@ -115,7 +115,7 @@ def test_rotation_is_applied(dehaze: Dehaze, landing: Landing, here: Path) -> No
 
 
 def test_a_file_sets_what_options_do_not(dehaze: Dehaze, here: Path) -> None:
-    (here / "paper.toml").write_text('when = "on"\n[dehaze]\nrecipe = "paper"\n[dehaze.paper]\nomega = 0.0\n')
+    (here / "paper.toml").write_text('when = "on"\n[dehazer]\nrecipe = "paper"\n[dehazer.paper]\nomega = 0.0\n')
     cv2.imwrite("in.png", np.random.default_rng(5).integers(60, 200, (40, 60, 3), np.uint8))
     assert dehaze("in.png", "-o", "same.png", "--config", "paper.toml").code == 0
     assert dehaze("in.png", "-o", "other.png", "--config", "paper.toml", "--omega", "0.9").code == 0
@@ -182,7 +182,7 @@ def test_one_input_that_fails_does_not_cost_the_others(dehaze: Dehaze, here: Pat
             ("clip.mp4", "-o", "c.mp4", "--recipe", "paper", "--matting-lambda", "0.1"),
             "--matting-lambda is read only with --refine matting",
         ),
-        (("clip.mp4", "-o", "c.mp4", "--haze-on", "0.1"), "haze_off = 0.2 is above haze_on = 0.1"),
+        (("clip.mp4", "-o", "c.mp4", "--haze-on", "0.05"), "haze_off = 0.07 is above haze_on = 0.05"),
         (("clip.mp4", "-o", "c.mp4", "--tone", "log"), "tone"),
         (("clip.mp4", "-o", "c.mp4", "--topic", "/cam"), "has no topics, only an MCAP log has"),
         (("clip.mp4", "-o", "c.mp4", "--fps", "30"), "has its own clock"),

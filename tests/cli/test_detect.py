@@ -94,7 +94,7 @@ def test_a_run_says_what_it_found(detect: Detect) -> None:
         f"  boxes: pad {COUNT}; best score of a frame 0.90 to 0.90, mean 0.90",
         f"  tags read {COUNT}, in {COUNT} frames",
     ]
-    assert lines[5].startswith("  ms a frame: detect ")
+    assert lines[5].startswith("  ms a frame: dehaze ")
     assert ", tags " in lines[5]
     assert " frames/s over " in lines[6]
 

@@ -22,16 +22,16 @@ from landtool_cli.settings import from_file, with_options
 PAPER = "With --recipe paper: "
 # Options that only one choice of another reads
 NEEDS = {
-    "--patch": ("dehaze__paper__patch_px", "recipe", "paper"),
-    "--airlight": ("dehaze__paper__airlight", "recipe", "paper"),
-    "--airlight-share": ("dehaze__paper__airlight_share", "recipe", "paper"),
-    "--omega": ("dehaze__paper__omega", "recipe", "paper"),
-    "--t0": ("dehaze__paper__t0", "recipe", "paper"),
-    "--refine": ("dehaze__paper__refine", "recipe", "paper"),
-    "--guided-radius": ("dehaze__paper__guided_radius_px", "refine", "guided"),
-    "--guided-epsilon": ("dehaze__paper__guided_epsilon", "refine", "guided"),
-    "--matting-lambda": ("dehaze__paper__matting_lambda", "refine", "matting"),
-    "--subsample": ("dehaze__paper__subsample", "recipe", "paper"),
+    "--patch": ("dehazer__paper__patch_px", "recipe", "paper"),
+    "--airlight": ("dehazer__paper__airlight", "recipe", "paper"),
+    "--airlight-share": ("dehazer__paper__airlight_share", "recipe", "paper"),
+    "--omega": ("dehazer__paper__omega", "recipe", "paper"),
+    "--t0": ("dehazer__paper__t0", "recipe", "paper"),
+    "--refine": ("dehazer__paper__refine", "recipe", "paper"),
+    "--guided-radius": ("dehazer__paper__guided_radius_px", "refine", "guided"),
+    "--guided-epsilon": ("dehazer__paper__guided_epsilon", "refine", "guided"),
+    "--matting-lambda": ("dehazer__paper__matting_lambda", "refine", "matting"),
+    "--subsample": ("dehazer__paper__subsample", "recipe", "paper"),
 }
 
 
@@ -52,42 +52,42 @@ def _number(name: str, key: str, metavar: str, text: str) -> options.Decorator:
 )
 @click.option(
     "--recipe",
-    "dehaze__recipe",
+    "dehazer__recipe",
     type=click.Choice(["veil", "paper"]),
     help="A smooth veil, taken off in linear light, or the dark channel prior.  [default: veil]",
 )
-@_number("--strength", "dehaze__strength", "S", "Share of what the recipe takes off.  [default: 1]")
+@_number("--strength", "dehazer__strength", "S", "Share of what the recipe takes off.  [default: 1]")
 @click.option(
     "--tone",
-    "dehaze__tone",
+    "dehazer__tone",
     metavar="srgb|none|GAMMA",
     help="Tone curve of the pictures.  [default: srgb]",
 )
-@_number("--smooth", "dehaze__smooth_s", "S", "Time over which a video's air is smoothed, s.  [default: 0.5]")
-@_number("--haze-on", "dehaze__haze_on", "H", "With --when auto: haze at which dehazing starts.  [default: 0.25]")
-@_number("--haze-off", "dehaze__haze_off", "H", "With --when auto: haze below which it ends.  [default: 0.2]")
-@_number("--patch", "dehaze__paper__patch_px", "N", f"{PAPER}side of the dark channel's patch, px.  [default: 15]")
+@_number("--smooth", "dehazer__smooth_s", "S", "Time over which a video's air is smoothed, s.  [default: 0.5]")
+@_number("--haze-on", "dehazer__haze_on", "H", "With --when auto: haze at which dehazing starts.  [default: 0.09]")
+@_number("--haze-off", "dehazer__haze_off", "H", "With --when auto: haze below which it ends.  [default: 0.07]")
+@_number("--patch", "dehazer__paper__patch_px", "N", f"{PAPER}side of the dark channel's patch, px.  [default: 15]")
 @click.option(
     "--airlight",
-    "dehaze__paper__airlight",
+    "dehazer__paper__airlight",
     type=click.Choice(["mean", "brightest"]),
     help=f"{PAPER}mean of the pixels whose dark channel is brightest, or the brightest of them.  [default: mean]",
 )
-@_number("--airlight-share", "dehaze__paper__airlight_share", "S", f"{PAPER}how many those are.  [default: 0.001]")
-@_number("--omega", "dehaze__paper__omega", "W", f"{PAPER}share of the haze that is taken off.  [default: 0.95]")
-@_number("--t0", "dehaze__paper__t0", "T", f"{PAPER}least transmission in the recovery.  [default: 0.1]")
+@_number("--airlight-share", "dehazer__paper__airlight_share", "S", f"{PAPER}how many those are.  [default: 0.001]")
+@_number("--omega", "dehazer__paper__omega", "W", f"{PAPER}share of the haze that is taken off.  [default: 0.95]")
+@_number("--t0", "dehazer__paper__t0", "T", f"{PAPER}least transmission in the recovery.  [default: 0.1]")
 @click.option(
     "--refine",
-    "dehaze__paper__refine",
+    "dehazer__paper__refine",
     type=click.Choice(["guided", "matting"]),
     help=f"{PAPER}guided filter, or matting Laplacian, which takes minutes a picture.  [default: guided]",
 )
-@_number("--guided-radius", "dehaze__paper__guided_radius_px", "N", "Guided filter: radius, px.  [default: 60]")
-@_number("--guided-epsilon", "dehaze__paper__guided_epsilon", "E", "Guided filter: regularisation.  [default: 0.001]")
-@_number("--matting-lambda", "dehaze__paper__matting_lambda", "L", "Matting: weight of the data.  [default: 0.0001]")
+@_number("--guided-radius", "dehazer__paper__guided_radius_px", "N", "Guided filter: radius, px.  [default: 60]")
+@_number("--guided-epsilon", "dehazer__paper__guided_epsilon", "E", "Guided filter: regularisation.  [default: 0.001]")
+@_number("--matting-lambda", "dehazer__paper__matting_lambda", "L", "Matting: weight of the data.  [default: 0.0001]")
 @_number(
     "--subsample",
-    "dehaze__paper__subsample",
+    "dehazer__paper__subsample",
     "N",
     f"{PAPER}estimate in a picture this much smaller; 1 is dense.  [default: 4]",
 )
@@ -128,7 +128,7 @@ def command(
 
 def _refuse_unread(settings: DehazeCommandConfig, flags: dict[str, Any]) -> None:
     """Raise UsageError for an option that was given and that the chosen recipe does not read."""
-    chosen = {"recipe": settings.dehaze.recipe, "refine": settings.dehaze.paper.refine}
+    chosen = {"recipe": settings.dehazer.recipe, "refine": settings.dehazer.paper.refine}
     for option, (key, choice, wanted) in NEEDS.items():
         if flags[key] is None:
             continue

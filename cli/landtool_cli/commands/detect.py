@@ -59,6 +59,7 @@ THREADS = click.IntRange(int(BOUNDS["threads"][0]), int(BOUNDS["threads"][1]))
     help="Move the pad's boxes onto its red ring, to a fraction of a pixel.  [default: ring]",
 )
 @options.pad
+@options.dehaze
 @options.topic
 @options.fps
 @click.option("--tags", "tags__which", type=click.Choice(["pad", "all", "none"]), help="Tags to read.  [default: pad]")

@@ -45,6 +45,7 @@ def tracker_options(function: Any) -> Any:
 @click.option("--diameter", "diameter_m", type=options.DIAMETER_M, metavar="M", help="Ring diameter D of the pad.")
 @click.option("--mount", type=options.PATH, metavar="FILE", help="Camera on the body, TOML.  [default: straight down]")
 @click.option("--ego", metavar="FILE|TOPIC", help="The drone's own poses: CSV, TUM, or a topic of the MCAP input.")
+@options.dehaze
 @options.topic
 @options.fps
 @click.option("--tags", "tags__which", type=click.Choice(["pad", "all"]), help="Which tags to read.  [default: pad]")
