@@ -25,6 +25,9 @@ SAVES = ("video", "csv")
 # What a number must lie in; the command line's options have the same
 BOUNDS = {"hfov_deg": (1.0, 170.0), "diameter_m": (0.01, 100.0), "fps": (0.001, 1000.0)}
 
+# For the network's sake: what is less hazy it sees as well as without, and clear frames are to stay as they are
+LOOK_THROUGH = DehazeConfig(haze_on=0.55, haze_off=0.5)
+
 
 @dataclass(frozen=True)
 class TagConfig:
@@ -77,7 +80,7 @@ class TrackConfig:
     # when frames are dehazed: auto: when they are hazy; the tags of a dehazed frame are read in it where the original
     # shows none
     dehaze: Literal["auto", "on", "off"] = "auto"
-    dehazer: DehazeConfig = field(default_factory=DehazeConfig)
+    dehazer: DehazeConfig = LOOK_THROUGH
     tags: TagConfig = field(default_factory=TagConfig)
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
 
@@ -109,10 +112,10 @@ class DetectConfig:
     fps: float | None = None
     # outputs to write
     save: tuple[str, ...] = SAVES
-    # when frames are dehazed: auto: when they are hazy; the network looks at the dehazed frame, tags are read in it
-    # where the original shows none
+    # when frames are dehazed: auto: when they are hazy; the network looks at the dehazed frame, and at the original
+    # where that shows nothing; tags are read in the original, and in the dehazed frame where that shows none
     dehaze: Literal["auto", "on", "off"] = "auto"
-    dehazer: DehazeConfig = field(default_factory=DehazeConfig)
+    dehazer: DehazeConfig = LOOK_THROUGH
     detector: DetectorConfig = field(default_factory=DetectorConfig)
     tags: TagConfig = field(default_factory=TagConfig)
 

@@ -77,7 +77,7 @@ def find(
     """Yield every frame with its boxes and tags in pixels, in order; without `tags` with its boxes only.
 
     The detector says where the pad is, the tags are looked for there. `search` is where the detector looked. It sees
-    the dehazed picture; tags are read in the picture as it is, and where it is hazy and none is read, in the dehazed.
+    the dehazed picture, and where that shows nothing the picture as it is; with the tags it is the other way round.
     """
     for frame in frames:
         if isinstance(frame, LostFrame):
@@ -91,6 +91,8 @@ def find(
         air, clear = _through_haze(frame, dehazer)
         start = time.perf_counter()
         boxes = detector.find(clear)
+        if clear is not frame and not boxes.detections:
+            boxes = detector.find(frame)
         detected = time.perf_counter()
         found = None if tags is None else tags.find(frame, boxes.pads)
         if tags is not None and found is not None and not found.tags and clear is not frame:

@@ -41,7 +41,7 @@ class PaperConfig:
     airlight_share: float = 0.001
     # share of the haze that is taken off
     omega: float = 0.95
-    # how the transmission is fitted to the picture's edges: guided filter, or the matting Laplacian (a second a picture)
+    # how the transmission is fitted to the edges: guided filter, or the matting Laplacian (a second a picture)
     refine: Refinement = "guided"
     # guided filter: radius of its windows, pixels of the full picture; and its regularisation, for values in [0, 1]
     guided_radius_px: int = 60
