@@ -17,6 +17,10 @@ PARTS = {
     ),
     "ring": ("bench.ring", "the ring's ellipse against truth"),
     "print": ("bench.print_fit", "the whole print of small pads against truth"),
+    "dehaze": (
+        "bench.dehaze",
+        "dehazing against clear twins, the haze told, time, flicker, and the detector through fog",
+    ),
     "recordings": ("bench.recordings", "landtool track on the real and path-traced recordings beside the project"),
 }
 

@@ -65,7 +65,7 @@ def own_test_set() -> PictureSet:
     """Return the test split of `landtool generate images -n 1120`, made in memory."""
     request = DatasetRequest(OWN_IMAGES, OWN_SEED, SIZE, GenerateConfig().split, Domain(), PAD)
     chosen = [index for index, split in enumerate(request.split_of_images()) if split == "test"]
-    return _made("own test split", request.domain, request.seed, chosen)
+    return made_set("own test split", request.domain, request.seed, chosen)
 
 
 def own_fog_set() -> PictureSet:
@@ -79,7 +79,7 @@ def own_fog_set() -> PictureSet:
         small_print=0.0,
         absent=0.0,
     )
-    return _made(f"own fog, beta {BETA_PER_M:g}, {HEIGHT_M:g} m", domain, FOG_SEED, range(FOGGY))
+    return made_set(f"own fog, beta {BETA_PER_M:g}, {HEIGHT_M:g} m", domain, FOG_SEED, range(FOGGY))
 
 
 def yolo_set(data_yaml: Path, split: str) -> PictureSet:
@@ -135,7 +135,8 @@ def _boxes(row: dict[str, str]) -> tuple[LabelledBox, ...]:
     return (LabelledBox(0, x0, y0, x1, y1),)
 
 
-def _made(name: str, domain: Domain, seed: int, indices: Sequence[int]) -> PictureSet:
+def made_set(name: str, domain: Domain, seed: int, indices: Sequence[int]) -> PictureSet:
+    """Return some of the pictures of a domain and a seed, made in memory."""
     truth, files = [], []
     for index in indices:
         sample = make_sample(domain, PAD, SIZE, seed, index)
