@@ -59,8 +59,11 @@ class DehazeStage:
         small = small_copy(frame.image)
         known = statistics(small)
         elapsed = self._elapsed(frame.t_ns, known)
+        if math.isinf(elapsed):
+            self._veil, self._airlight, self._on = None, None, False
         veil = self._steady_veil(estimate_veil(known), self._mean_light(small), elapsed)
         if not self._gate(veil.haze, elapsed):
+            self._airlight = None  # by the time it is wanted again it will be old
             return Dehazed(frame.image, veil.haze, False)
         air = self._recipe.estimate(frame.image, veil, lambda airlight: self._steady_airlight(airlight, elapsed))
         air = air.thinned(self._strength * self._config.strength)
@@ -104,8 +107,6 @@ class DehazeStage:
 
     def _gate(self, haze: float, elapsed: float) -> bool:
         """Decide whether to dehaze, and how much of it: a switch in the middle of a scene fades."""
-        if math.isinf(elapsed):
-            self._on = False
         self._on = self._always or haze >= (self._config.haze_off if self._on else self._config.haze_on)
         wanted = 1.0 if self._on else 0.0
         smooth_s = self._config.smooth_s
