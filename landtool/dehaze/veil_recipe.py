@@ -18,7 +18,7 @@ from landtool.types import Image
 # of the map of transmission; it is smooth, and interpolated to the picture's size
 _MAP = (80, 60)
 _LEVELS = 256
-_CODES = 4096  # of light before it is encoded again: 12 bits
+_CODES = 65536  # of light before it is encoded again: 16 bits, as gammas are steep in the dark
 # grey levels below which detail is taken for noise: without gain, and more for each time that 1 / t adds to it
 _THRESHOLD, _THRESHOLD_OF_GAIN, _MOST_THRESHOLD = 3.5, 5.0, 16.0
 
@@ -56,7 +56,7 @@ class VeilRecipe:
             codes *= np.float32(_CODES - 1)
             codes += np.float32(0.5)
             np.clip(codes, 0, _CODES - 1, out=codes)
-            table[:] = self._encoded[codes.astype(np.int16)].ravel()
+            table[:] = self._encoded[codes.astype(np.uint16)].ravel()
         return tables
 
 
