@@ -62,7 +62,7 @@ def rendered_pairs() -> Sequence[Pair]:
         return ()
     with file.open(encoding="utf-8", newline="") as lines:
         rows = [row for row in csv.DictReader(lines) if float(row["beta"]) >= LEAST_BETA]
-    return [Pair(*(_read(RENDERED / row[name]) for name in ("file", "clear")), float(row["beta"])) for row in rows]
+    return [Pair(_read(RENDERED / r["file"]), _read(RENDERED / r["clear"]), float(r["beta"])) for r in rows]
 
 
 @lru_cache(maxsize=1)

@@ -1,10 +1,11 @@
-"""Draw docs/pictures: the frames, the pad's axes, one annotated frame, generated pictures.
+"""Draw docs/pictures: the frames, the pad's axes, one annotated frame, generated pictures, and those of dehazing.
 
 Run: `python tools/make_docs.py --pictures`.
 """
 
 from __future__ import annotations
 
+import importlib
 import tempfile
 from pathlib import Path
 
@@ -50,6 +51,7 @@ def main() -> None:
     # a palette is too small for so many pictures
     sheet = PilImage.fromarray(generated()[:, :, ::-1])
     sheet.save(PICTURES / "generated.jpg", quality=SHEET_QUALITY, optimize=True)
+    importlib.import_module("make_dehaze_pictures").main()  # beside this file
 
 
 def frames() -> Image:
