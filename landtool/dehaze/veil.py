@@ -27,7 +27,7 @@ SLOPE = 0.3
 _LEAST_RISE, _MOST_RISE = 0.2, 5.0
 _LEAST_LOST, _LEAST_LIGHT = 1e-3, 1e-4
 # how far the change of the middle light is believed, and its bounds
-_TRUST, _LEAST_RATIO, _MOST_RATIO = 0.75, 0.1, 3.0
+_TRUST, _LEAST_RATIO, _MOST_RATIO = 0.8, 0.1, 3.0
 
 
 @dataclass(frozen=True, eq=False)
