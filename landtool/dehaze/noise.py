@@ -1,8 +1,7 @@
-"""Noise: how much of it a picture has, and a picture with less of it."""
+"""A picture with less noise."""
 
 from __future__ import annotations
 
-import math
 from functools import lru_cache
 
 import cv2
@@ -11,32 +10,8 @@ from numpy.typing import NDArray
 
 from landtool.types import Image
 
-# second differences across both axes: zero on any plane; noise of deviation s comes out as 6 s (J. Immerkaer, 1996)
-_KERNEL = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
-_BLOCK = 16
-_BANDS = 12  # of the picture's rows: enough blocks to find even ones among
-_EVEN_SHARE = 0.15
 _STEP = 0.5  # thresholds are rounded to this, so that their tables are used again
 _REACH = 2  # of the window a pixel is compared with
-
-
-def noise_level(image: Image) -> float:
-    """Return the standard deviation of the noise of a picture (H, W, 3) uint8, grey levels of its luma.
-
-    Taken where it is most even, in bands of its rows: texture counts as noise, if there is nothing but texture.
-    """
-    height, width = image.shape[:2]
-    if min(height, width) < _BLOCK:
-        return 0.0
-    tops = np.unique(np.linspace(0, height - _BLOCK, _BANDS).astype(int))
-    across = width // _BLOCK * _BLOCK
-    means = []
-    for top in tops:
-        luma = cv2.cvtColor(image[top : top + _BLOCK, :across], cv2.COLOR_BGR2GRAY)
-        size = np.abs(cv2.filter2D(luma, cv2.CV_16S, _KERNEL))
-        means.append(size.reshape(_BLOCK, -1, _BLOCK).mean(axis=(0, 2)))
-    even = np.quantile(np.concatenate(means), _EVEN_SHARE)
-    return float(even) * math.sqrt(math.pi / 2.0) / 6.0
 
 
 def quieter(image: Image, threshold: float, rows: slice = slice(None)) -> Image:

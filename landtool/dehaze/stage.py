@@ -95,7 +95,7 @@ class DehazeStage:
         """
         relative = veil.lit(1.0 / light)
         if self._veil is not None:
-            relative = self._veil.blended(relative, self._weight(elapsed))
+            relative = self._veil.towards(relative, self._weight(elapsed))
         self._veil = relative
         return relative.lit(light)
 

@@ -25,6 +25,8 @@ VEIL_OF_DARK = 1.1  # a veil is at most this much brighter than what is darkest:
 TINT = 0.2  # of the scaled outputs: what 1 means
 SLOPE = 0.3
 _LEAST_RISE, _MOST_RISE = 0.2, 5.0
+# how far estimates of a still scene are from each other, of the veil relative to it
+_STILL = 0.03
 _LEAST_LOST, _LEAST_LIGHT = 1e-3, 1e-4
 # how far the change of the middle light is believed, and its bounds
 _TRUST, _LEAST_RATIO, _MOST_RATIO = 0.8, 0.1, 3.0
@@ -59,14 +61,24 @@ class Veil:
         """Return the veil in a light that is stronger by a factor."""
         return replace(self, veil=self.veil * factor)
 
-    def blended(self, other: Veil, share: float) -> Veil:
-        """Return the veil that is `share` of the way to another."""
+    def towards(self, other: Veil, share: float) -> Veil:
+        """Return the veil that is `share` of the way to another; the other itself at 1.
+
+        What is nearer than noise moves it stays where it is: the mean brightness of a still scene would wander.
+        """
+        if share >= 1.0:
+            return other
         return Veil(
-            self.veil + share * (other.veil - self.veil),
-            self.lost + share * (other.lost - self.lost),
-            self.slope + share * (other.slope - self.slope),
+            self.veil + share * _beyond(other.veil - self.veil, _STILL * self.veil),
+            self.lost + share * float(_beyond(other.lost - self.lost, _STILL)),
+            self.slope + share * _beyond(other.slope - self.slope, _STILL),
             self.haze + share * (other.haze - self.haze),
         )
+
+
+def _beyond(step: Array | float, band: Array | float) -> Array:
+    """Return what of a step lies beyond a band about zero."""
+    return np.asarray(np.sign(step) * np.maximum(np.abs(step) - band, 0.0))
 
 
 def estimate_veil(known: Statistics) -> Veil:

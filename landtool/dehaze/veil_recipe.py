@@ -19,7 +19,9 @@ from landtool.types import Image
 _MAP = (80, 60)
 _LEVELS = 256
 _CODES = 65536  # of light before it is encoded again: 16 bits, as gammas are steep in the dark
-# grey levels below which detail is taken for noise: without gain, and more for each time that 1 / t adds to it
+# grey levels below which detail is taken for noise: where hardly anything is gained none, soon some, and more for each
+# time that 1 / t adds to it
+_HARDLY = 0.1
 _THRESHOLD, _THRESHOLD_OF_GAIN, _MOST_THRESHOLD = 3.5, 5.0, 16.0
 
 
@@ -65,8 +67,8 @@ def noise_threshold(transmission: Map) -> float:
 
     A threshold by the measured noise did no better: where texture is all there is, it counts as noise.
     """
-    gain = 1.0 / float(np.median(transmission))
-    return min(_THRESHOLD + _THRESHOLD_OF_GAIN * (gain - 1.0), _MOST_THRESHOLD)
+    gained = 1.0 / float(np.median(transmission)) - 1.0
+    return min(_THRESHOLD * min(gained / _HARDLY, 1.0) + _THRESHOLD_OF_GAIN * gained, _MOST_THRESHOLD)
 
 
 def _levels(transmission: Map, width: int, height: int) -> tuple[Levels, Map]:

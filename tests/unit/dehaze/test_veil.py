@@ -103,16 +103,24 @@ def test_lit_changes_the_light_and_nothing_else() -> None:
     np.testing.assert_allclose(veil.lit(3.0).lit(1 / 3.0).veil, veil.veil)
 
 
-def test_blended_goes_from_one_to_the_other() -> None:
+def test_towards_goes_from_one_to_the_other_but_for_what_noise_moves() -> None:
     one = some_veil()
     other = Veil(np.array([0.3, 0.3, 0.1]), 0.8, np.array([-0.5, 0.75]), 0.2)
-    for share, wanted in (
-        (0.0, one),
-        (1.0, other),
-        (0.5, Veil(np.array([0.2, 0.25, 0.2]), 0.6, np.array([0.0, 0.25]), 0.4)),
-    ):
-        made = one.blended(other, share)
-        np.testing.assert_allclose(made.veil, wanted.veil)
-        np.testing.assert_allclose(made.slope, wanted.slope, atol=1e-12)
-        assert made.lost == pytest.approx(wanted.lost)
-        assert made.haze == pytest.approx(wanted.haze)
+    assert one.towards(other, 1.0) is other
+    for share in (0.0, 0.25, 0.9):
+        made = one.towards(other, share)
+        step = other.veil - one.veil
+        np.testing.assert_allclose(
+            made.veil, one.veil + share * np.sign(step) * np.maximum(abs(step) - 0.03 * one.veil, 0)
+        )
+        assert made.lost == pytest.approx(one.lost + share * (other.lost - one.lost - 0.03))
+        assert made.haze == pytest.approx(one.haze + share * (other.haze - one.haze))
+
+
+def test_towards_stays_where_it_is_for_a_step_of_noise() -> None:
+    one = some_veil()
+    near = Veil(one.veil * 1.02, one.lost - 0.02, one.slope + 0.02, one.haze)
+    made = one.towards(near, 0.5)
+    np.testing.assert_array_equal(made.veil, one.veil)
+    np.testing.assert_array_equal(made.slope, one.slope)
+    assert made.lost == one.lost
