@@ -12,7 +12,7 @@ Statistics = NDArray[np.float32]
 
 SMALL = (80, 60)  # width and height of the copy, whatever the picture's shape
 SHARES = (0.005, 0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98, 0.995)
-DARK, MIDDLE = 1, 4  # which of the shares says how dark a picture gets, and how bright it is
+DARK, MIDDLE, BRIGHT = 1, 4, 7  # which of the shares says how dark a picture gets, how bright it is and gets
 _DARK_PATCH = np.ones((5, 5), np.uint8)
 _CELLS = 3  # the copy is cut into 3 x 3 of them
 _TILE = 4  # contrast is taken in tiles of 4 x 4

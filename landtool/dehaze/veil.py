@@ -14,7 +14,7 @@ from importlib import resources
 import numpy as np
 from numpy.typing import NDArray
 
-from landtool.dehaze.statistics import DARK, MIDDLE, SHARES, Statistics
+from landtool.dehaze.statistics import BRIGHT, DARK, MIDDLE, SHARES, Statistics
 from landtool.tone import srgb_decode
 
 Array = NDArray[np.float64]
@@ -28,6 +28,8 @@ _LEAST_RISE, _MOST_RISE = 0.2, 5.0
 # how far estimates of a still scene are from each other, of the veil relative to it
 _STILL = 0.03
 _LEAST_LOST, _LEAST_LIGHT = 1e-3, 1e-4
+# contrast, of full scale, up to which a picture is even
+_EVEN = 0.015
 # how far the change of the middle light is believed, and its bounds
 _TRUST, _LEAST_RATIO, _MOST_RATIO = 0.8, 0.1, 3.0
 
@@ -93,7 +95,14 @@ def estimate_veil(known: Statistics) -> Veil:
     veil = _sigmoid(outputs[0]) * VEIL_OF_DARK * 0.5 * (dark + dark.mean() * tint)
     light = max(float(srgb_decode(known[[c * len(SHARES) + MIDDLE for c in range(3)]]).mean()), _LEAST_LIGHT)
     lost = _cautious(_sigmoid(outputs[5]), float(veil.mean()) / light)
-    return Veil(veil, lost, SLOPE * outputs[3:5], _sigmoid(outputs[6]))
+    sure = _sure(known)
+    return Veil(sure * veil, max(sure * lost, _LEAST_LOST), SLOPE * outputs[3:5], sure * _sigmoid(outputs[6]))
+
+
+def _sure(known: Statistics) -> float:
+    """Return how sure it is that there is a scene at all, 0 to 1: in an even picture nothing tells white from fog."""
+    darkest, brightest = (float(np.mean(known[[c * len(SHARES) + q for c in range(3)]])) for q in (DARK, BRIGHT))
+    return min(max((brightest - darkest - _EVEN) / _EVEN, 0.0), 1.0)
 
 
 def _cautious(lost: float, veil: float) -> float:

@@ -302,3 +302,10 @@ def test_pictures_of_one_grey(level: int, recipe: Kind, when: Literal["auto", "o
         assert made.image.shape == (20, 30, 3)
         assert made.image.dtype == np.uint8
         assert 0.0 <= made.haze <= 1.0
+
+
+@pytest.mark.parametrize("value", [0, 60, 128, 255])
+def test_an_even_picture_stays_as_it_is(value: int) -> None:
+    image = np.full((60, 80, 3), value, np.uint8)
+    assert DehazeStage(DehazeConfig()).see(frame(image, 0.0)).image is image
+    np.testing.assert_array_equal(DehazeStage(DehazeConfig(), when="on").see(frame(image, 0.0)).image, image)
