@@ -146,7 +146,7 @@ def loft(foot_m: ArrayLike, top_m: ArrayLike, albedo: Albedo, *, top_albedo: Alb
 
 def flat(outline_m: Array, z_m: float, *, x_m: float = 0.0, y_m: float = 0.0) -> Array:
     """Return the outline (N, 2) as points (N, 3) at a height, moved by x and y."""
-    points = np.empty((len(outline_m), 3))
+    points = np.zeros((len(outline_m), 3))
     points[:, :2] = outline_m
     points += (x_m, y_m, z_m)
     points[:, 2] = z_m
