@@ -71,10 +71,10 @@ class DehazeConfig:
     # share taken off of what the recipe would take off
     strength: float = 1.0
     # time over which airlight and haze are smoothed in a video, seconds; 0: every frame for itself
-    smooth_s: float = 0.5
+    smooth_s: float = 0.3
     # auto: dehazing starts at this haze, and ends below that
-    haze_on: float = 0.09
-    haze_off: float = 0.07
+    haze_on: float = 0.11
+    haze_off: float = 0.09
     # the numbers of recipe paper
     paper: PaperConfig = field(default_factory=PaperConfig)
 
@@ -82,7 +82,10 @@ class DehazeConfig:
         parse_tone(self.tone)
         _refuse_out_of_bounds(self, BOUNDS)
         if self.haze_off > self.haze_on:
-            raise UsageError(f"haze_off = {self.haze_off:g} is above haze_on = {self.haze_on:g}", hint="swap them")
+            raise UsageError(
+                f"haze_off = {self.haze_off:g} is above haze_on = {self.haze_on:g}",
+                hint="give both, haze_off not above haze_on",
+            )
 
 
 def _refuse_out_of_bounds(settings: object, bounds: dict[str, tuple[float, float]]) -> None:

@@ -27,6 +27,8 @@ SLOPE = 0.3
 _LEAST_RISE, _MOST_RISE = 0.2, 5.0
 # how far estimates of a still scene are from each other, of the veil relative to it
 _STILL = 0.03
+# how far what is smoothed may be behind
+_BEHIND = 0.06
 _LEAST_LOST, _LEAST_LIGHT = 1e-3, 1e-4
 # contrast, of full scale, up to which a picture is even
 _EVEN = 0.015
@@ -64,18 +66,25 @@ class Veil:
         return replace(self, veil=self.veil * factor)
 
     def towards(self, other: Veil, share: float) -> Veil:
-        """Return the veil that is `share` of the way to another; the other itself at 1.
+        """Return the veil that is `share` of the way to another; the other itself at 1, this one at 0.
 
-        What is nearer than noise moves it stays where it is: the mean brightness of a still scene would wander.
+        What is nearer than noise moves it stays where it is: the mean brightness of a still scene would wander. And it
+        is never far behind: of a drone that descends fast the veil of a moment ago is too thick.
         """
-        if share >= 1.0:
-            return other
+        if share <= 0.0 or share >= 1.0:
+            return other if share > 0.0 else self
         return Veil(
-            self.veil + share * _beyond(other.veil - self.veil, _STILL * self.veil),
-            self.lost + share * float(_beyond(other.lost - self.lost, _STILL)),
-            self.slope + share * _beyond(other.slope - self.slope, _STILL),
+            self.veil + _step(other.veil - self.veil, share, _STILL * self.veil),
+            self.lost + float(_step(other.lost - self.lost, share, _STILL)),
+            self.slope + _step(other.slope - self.slope, share, _STILL),
             self.haze + share * (other.haze - self.haze),
         )
+
+
+def _step(way: Array | float, share: float, still: Array | float) -> Array:
+    """Return a share of what of a way lies beyond `still`, and more where too much of the way would be left."""
+    step = share * _beyond(way, still)
+    return np.asarray(step + _beyond(way - step, _BEHIND))
 
 
 def _beyond(step: Array | float, band: Array | float) -> Array:

@@ -20,6 +20,7 @@ from landtool.run.recording import OnFrame, Results, RunOutcome
 from landtool.types import Frame, FrameResult, LostFrame
 
 _AHEAD = 4  # frames decoded, and frames dehazed, ahead of their use: enough to even out their times
+_NAMED = 5  # unreadable pictures that are named
 Seen = Iterator[tuple[Frame | LostFrame, Dehazed | None, float]]
 
 
@@ -31,6 +32,7 @@ class DehazeSummary:
     def __init__(self, maps: Path | None = None) -> None:
         self.frames = self.dehazed = 0
         self._maps = maps
+        self._unread: list[str] = []
         self._hazes: Counter[float] = Counter()  # by thousandths
 
     def watch(self, results: Results) -> Results:
@@ -38,6 +40,8 @@ class DehazeSummary:
         for frame, result in results:
             self.frames += 1
             self.dehazed += result.dehazed
+            if isinstance(frame, LostFrame) and frame.file and len(self._unread) <= _NAMED:
+                self._unread.append(frame.file)
             if result.haze is not None:
                 self._hazes[round(result.haze, 3)] += 1
             yield frame, result
@@ -49,11 +53,16 @@ class DehazeSummary:
         if self._hazes:
             low, high = min(self._hazes), max(self._hazes)
             lines.append(f"haze {self._median():.2f} in the median, {low:.2f} to {high:.2f}")
-        return lines if self._maps is None else [*lines, f"transmission maps in {self._maps}"]
+        if self._maps is not None:
+            lines.append(f"transmission maps in {self._maps}" if self.dehazed else "no transmission maps")
+        return lines
 
     def notes(self) -> list[str]:
-        """Return nothing: what was done is in the summary."""
-        return []
+        """Return which pictures of a folder could not be read."""
+        if not self._unread:
+            return []
+        more = " and others" if len(self._unread) > _NAMED else ""
+        return [f"not read: {', '.join(self._unread[:_NAMED])}{more}"]
 
     def _median(self) -> float:
         """Return the lower median."""
@@ -157,6 +166,8 @@ def _outcome(
 ) -> RunOutcome:
     report = source.report
     counts = Counts(report.declared, report.decoded, report.damaged, report.lost, report.skipped, report.decoded)
-    notes = dict.fromkeys([*source.info.notes, *report.notes, *(note for made in outputs for note in made.notes)])
+    notes = dict.fromkeys(
+        [*source.info.notes, *report.notes, *(note for made in outputs for note in made.notes), *summary.notes()]
+    )
     whole = report.complete and not any(made.lossy for made in outputs)
     return RunOutcome(output, summary, counts, timings, tuple(notes), wall_s, 0 if whole else 3)

@@ -182,7 +182,7 @@ def test_one_input_that_fails_does_not_cost_the_others(dehaze: Dehaze, here: Pat
             ("clip.mp4", "-o", "c.mp4", "--recipe", "paper", "--matting-lambda", "0.1"),
             "--matting-lambda is read only with --refine matting",
         ),
-        (("clip.mp4", "-o", "c.mp4", "--haze-on", "0.05"), "haze_off = 0.07 is above haze_on = 0.05"),
+        (("clip.mp4", "-o", "c.mp4", "--haze-on", "0.05"), "haze_off = 0.09 is above haze_on = 0.05"),
         (("clip.mp4", "-o", "c.mp4", "--tone", "log"), "tone"),
         (("clip.mp4", "-o", "c.mp4", "--topic", "/cam"), "has no topics, only an MCAP log has"),
         (("clip.mp4", "-o", "c.mp4", "--fps", "30"), "has its own clock"),

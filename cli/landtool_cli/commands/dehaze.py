@@ -63,9 +63,9 @@ def _number(name: str, key: str, metavar: str, text: str) -> options.Decorator:
     metavar="srgb|none|GAMMA",
     help="Tone curve of the pictures.  [default: srgb]",
 )
-@_number("--smooth", "dehazer__smooth_s", "S", "Time over which a video's air is smoothed, s.  [default: 0.5]")
-@_number("--haze-on", "dehazer__haze_on", "H", "With --when auto: haze at which dehazing starts.  [default: 0.09]")
-@_number("--haze-off", "dehazer__haze_off", "H", "With --when auto: haze below which it ends.  [default: 0.07]")
+@_number("--smooth", "dehazer__smooth_s", "S", "Time over which a video's air is smoothed, s.  [default: 0.3]")
+@_number("--haze-on", "dehazer__haze_on", "H", "With --when auto: haze at which dehazing starts.  [default: 0.11]")
+@_number("--haze-off", "dehazer__haze_off", "H", "With --when auto: haze below which it ends.  [default: 0.09]")
 @_number("--patch", "dehazer__paper__patch_px", "N", f"{PAPER}side of the dark channel's patch, px.  [default: 15]")
 @click.option(
     "--airlight",

@@ -39,7 +39,9 @@ def test_a_patch_has_a_middle(patch_px: int) -> None:
 
 def test_dehazing_ends_where_it_starts_or_below() -> None:
     assert DehazeConfig(haze_on=0.3, haze_off=0.3).haze_off == 0.3
-    with pytest.raises(UsageError, match=r"^haze_off = 0.4 is above haze_on = 0.3; swap them$"):
+    with pytest.raises(
+        UsageError, match=r"^haze_off = 0.4 is above haze_on = 0.3; give both, haze_off not above haze_on$"
+    ):
         DehazeConfig(haze_on=0.3, haze_off=0.4)
     defaults = DehazeConfig()
     assert 0.0 < defaults.haze_off < defaults.haze_on < 1.0

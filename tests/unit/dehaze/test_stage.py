@@ -21,7 +21,7 @@ from tests.unit.dehaze.hazy import developed, fogged, hazy_picture, patches
 pytestmark = [pytest.mark.usefixtures("strict"), pytest.mark.filterwarnings("error")]
 Kind = Literal["veil", "paper"]
 RECIPES: tuple[Kind, ...] = ("veil", "paper")
-GATE = DehazeConfig(haze_on=0.3, haze_off=0.2)
+GATE = DehazeConfig(haze_on=0.3, haze_off=0.2, smooth_s=0.5)
 AT_ONCE = DehazeConfig(haze_on=0.3, haze_off=0.2, smooth_s=0.0)
 
 

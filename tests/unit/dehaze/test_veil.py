@@ -105,16 +105,24 @@ def test_lit_changes_the_light_and_nothing_else() -> None:
 
 def test_towards_goes_from_one_to_the_other_but_for_what_noise_moves() -> None:
     one = some_veil()
-    other = Veil(np.array([0.3, 0.3, 0.1]), 0.8, np.array([-0.5, 0.75]), 0.2)
+    other = Veil(one.veil * 1.2, one.lost + 0.05, one.slope - 0.04, one.haze + 0.04)
     assert one.towards(other, 1.0) is other
-    for share in (0.0, 0.25, 0.9):
+    assert one.towards(other, 0.0) is one
+    for share in (0.25, 0.9):
         made = one.towards(other, share)
-        step = other.veil - one.veil
-        np.testing.assert_allclose(
-            made.veil, one.veil + share * np.sign(step) * np.maximum(abs(step) - 0.03 * one.veil, 0)
-        )
-        assert made.lost == pytest.approx(one.lost + share * (other.lost - one.lost - 0.03))
-        assert made.haze == pytest.approx(one.haze + share * (other.haze - one.haze))
+        np.testing.assert_allclose(made.veil, one.veil * (1.0 + share * 0.17))
+        assert made.lost == pytest.approx(one.lost + share * 0.02)
+        np.testing.assert_allclose(made.slope, one.slope - share * 0.01)
+        assert made.haze == pytest.approx(one.haze + share * 0.04)
+
+
+def test_towards_is_never_far_behind() -> None:
+    one = some_veil()
+    other = Veil(np.array([0.9, 0.9, 0.9]), 0.9, np.array([-0.5, 0.75]), 0.1)
+    made = one.towards(other, 0.01)
+    for reached, wanted in ((made.veil, other.veil), (made.lost, other.lost), (made.slope, other.slope)):
+        assert np.abs(np.asarray(reached) - wanted).max() == pytest.approx(0.06)
+    assert made.haze == pytest.approx(one.haze + 0.01 * (0.1 - one.haze))
 
 
 def test_towards_stays_where_it_is_for_a_step_of_noise() -> None:
