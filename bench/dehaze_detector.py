@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -15,18 +15,18 @@ from bench.dehaze_pairs import clear_set, dehazed_alone, generator_pairs
 from bench.detect import SCORED_CONF, on_print
 from bench.detect_sets import HEIGHT_M, PAD, SIZE, PictureSet, path_traced_sets
 from bench.show import table
-from landtool.config import TagConfig
-from landtool.dehaze.config import DehazeConfig
+from landtool.config import LOOK_THROUGH, TagConfig
 from landtool.detect.config import DetectorConfig
 from landtool.detect.detector import Detector
 from landtool.evaluate.detection import DetectionScore, score_detections
 from landtool.io.labels import LabelledBox, LabelledImage
 from landtool.run.tags import tag_reader
+from landtool.synth.compose import Rendered, render
 from landtool.synth.domain import Domain, uniform
 from landtool.synth.fog import Fog
 from landtool.synth.legible import LEAST_LEGIBLE, legibility
-from landtool.synth.photograph import light_of, random_sensor
-from landtool.synth.random_scene import Drawn, draw_scene
+from landtool.synth.photograph import random_sensor
+from landtool.synth.random_scene import draw_scene
 from landtool.synth.sensor import Sensor
 from landtool.synth.truth import seen_target
 from landtool.tags.finder import TagFinder
@@ -34,19 +34,24 @@ from landtool.types import Detection, Frame, Image
 
 BETAS_PER_M = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3)
 SCENES, SEED = 60, 23
-FOG = Domain(height_m=(HEIGHT_M, HEIGHT_M), fog=1.0, fog_banks=0.0, small_print=0.0, absent=0.0)
+# without motion blur, a scene is rendered once for all its fogs
+FOG = Domain(
+    height_m=(HEIGHT_M, HEIGHT_M), fog=1.0, fog_banks=0.0, small_print=0.0, absent=0.0, motion_blur=0.0
+)  # fmt: skip
 MODES = ("off", "auto", "on")
 CLEAR_SETS = ("path-traced stills", "path-traced clip", "the same, clear")
 GOAL = 0.001  # of mAP50, lost in clear air
+CONF = DetectorConfig().conf
 
 Boxes = tuple[Detection, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A scene, the camera it is photographed by, and where its pad is."""
+    """A scene in clear air, its fog, the camera it is photographed by, and where its pad is."""
 
-    drawn: Drawn
+    rendered: Rendered
+    fog: Fog
     sensor: Sensor
     jpeg_quality: int
     truth: LabelledImage
@@ -54,10 +59,8 @@ class Scene:
 
     def picture(self, beta_per_m: float) -> Image:
         """Return the picture through even fog; the same noise for every fog."""
-        fog = self.drawn.scene.fog
-        assert fog is not None
-        thick: Fog | None = replace(fog, beta_per_m=beta_per_m) if beta_per_m else None
-        linear, _ = light_of(replace(self.drawn.scene, fog=thick), self.drawn.view)
+        fog = replace(self.fog, beta_per_m=beta_per_m)
+        linear = fog.apply(self.rendered.linear.copy(), fog.transmission(self.rendered.distance_m))
         image = self.sensor.picture(linear, np.random.default_rng([SEED, self.seed, 1]))
         data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, self.jpeg_quality])[1]
         return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.uint8)
@@ -81,8 +84,9 @@ class Seen:
     opened: bool
 
     def boxes(self, mode: str) -> Boxes:
-        """Return those of a mode."""
-        return self.on if mode == "on" or (mode == "auto" and self.opened) else self.off
+        """Return those of a mode: as in `landtool detect`, those in the original where the dehazed shows none."""
+        looks = mode == "on" or (mode == "auto" and self.opened)
+        return self.on if looks and any(box.score >= CONF for box in self.on) else self.off
 
 
 def print_detector() -> None:
@@ -100,14 +104,16 @@ def print_detector() -> None:
 @lru_cache(maxsize=1)
 def in_fog() -> Sequence[InFog]:
     """Return how well the shipped detector finds the pads of the same scenes through thicker and thicker fog."""
-    chosen = _scenes()
     look = _Look()
-    truth = [scene.truth for scene in chosen]
+    truth: list[LabelledImage] = []
+    seen: list[list[Seen]] = []  # of each scene, through each fog
+    for scene in itertools.islice(_scenes(), SCENES):
+        truth.append(scene.truth)
+        seen.append([look.at(scene.picture(beta)) for beta in BETAS_PER_M])
     made = []
-    for beta in BETAS_PER_M:
-        seen = [look.at(scene.picture(beta)) for scene in chosen]
-        scores = {mode: score_detections(truth, [each.boxes(mode) for each in seen]) for mode in MODES}
-        made.append(InFog(beta, scores, float(np.mean([each.opened for each in seen]))))
+    for beta, through in zip(BETAS_PER_M, zip(*seen, strict=True), strict=True):
+        scores = {mode: score_detections(truth, [each.boxes(mode) for each in through]) for mode in MODES}
+        made.append(InFog(beta, scores, float(np.mean([each.opened for each in through]))))
     return made
 
 
@@ -116,7 +122,7 @@ class _Look:
 
     def __init__(self) -> None:
         self._find = on_print(Detector(DetectorConfig(conf=SCORED_CONF)))
-        self._haze_on = DehazeConfig().haze_on
+        self._haze_on = LOOK_THROUGH.haze_on
 
     def at(self, image: Image, *, only_auto: bool = False) -> Seen:
         """Return what is seen in a picture; only_auto: nothing in the dehazed one where the gate does not open."""
@@ -126,26 +132,24 @@ class _Look:
         return Seen(off, () if only_auto and not opened else tuple(self._find(clear)), opened)
 
 
-def _scenes() -> list[Scene]:
-    """Return scenes whose pad can be made out in clear air."""
-    scenes: list[Scene] = []
+def _scenes() -> Iterator[Scene]:
+    """Yield scenes whose pad can be made out in clear air, without end."""
     for index in itertools.count():
-        if len(scenes) == SCENES:
-            break
         rng = np.random.default_rng([SEED, index])
         drawn = draw_scene(FOG, PAD, SIZE, (), rng)
         assert drawn.scene.target is not None
-        linear, rendered = light_of(replace(drawn.scene, fog=None), drawn.view)
+        assert drawn.scene.fog is not None
+        rendered = render(drawn.scene, drawn.view)
         sensor = random_sensor(FOG, rng)
         seen = seen_target(drawn.scene.target, drawn.view, rendered.hidden)
-        shown = sensor.picture(linear, rng)
+        shown = sensor.picture(rendered.linear, rng)
         if seen.box_px is None or seen.visible_fraction < FOG.least_visible:
             continue
         if legibility(shown, rendered, PAD) >= LEAST_LEGIBLE:
             x0, y0, x1, y1 = map(float, seen.box_px)
             truth = LabelledImage(Path(f"{index:06d}"), *SIZE, (LabelledBox(0, x0, y0, x1, y1),))
-            scenes.append(Scene(drawn, sensor, round(uniform(rng, FOG.jpeg_quality)), truth, index))
-    return scenes
+            quality = round(uniform(rng, FOG.jpeg_quality))
+            yield Scene(rendered, drawn.scene.fog, sensor, quality, truth, index)
 
 
 def _print_clear() -> None:
