@@ -1,6 +1,6 @@
 """Fit what landtool.dehaze.veil knows: draw scenes, put fog before them, learn to take it off again.
 
-`python tools/fit_veil.py [--backgrounds DIR]... [--out runs/veil]`: about 20 minutes on two cores, most of it for the
+`python tools/fit_veil.py [--backgrounds DIR]... [--out runs/veil]`: about half an hour on two cores, most of it for the
 scenes, which are kept in --out. Needs torch. Writes landtool/data/veil.npz, and prints how well it does on scenes it
 has not seen.
 """
@@ -63,7 +63,7 @@ def draw(out: Path, backgrounds: list[str], seed: int) -> Path:
     if file.exists():
         return file
     cv2.setNumThreads(1)
-    photos = [photo.path for photo in find_backgrounds(backgrounds)]
+    photos = [Path(photo.path) for photo in find_backgrounds(backgrounds)]
     light, distance, level = [], [], []
     for index in range(SETS[seed]):
         rng = np.random.default_rng([seed, index])
