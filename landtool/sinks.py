@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
@@ -18,6 +17,7 @@ from landtool.draw import Overlay
 from landtool.errors import OutputError, OutputExistsError, UsageError
 from landtool.geometry import Pose
 from landtool.io.atomic import atomic_folder, atomic_path
+from landtool.io.managed import Managed
 from landtool.io.run_record import StageTime
 from landtool.io.tables import TABLES, TableWriter
 from landtool.io.video_out import VideoWriter
@@ -67,26 +67,13 @@ class Sink(Protocol):
         ...
 
 
-class _Managed(ABC):
-    """The context of a sink: `_open` enters what it needs into the stack, which unwinds when the sink is left."""
+class _Managed(Managed):
+    """A sink as a context."""
 
     def __init__(self, setup: SinkSetup) -> None:
+        super().__init__()
         self.notes: list[str] = []
         self._setup = setup
-        self._stack = ExitStack()
-
-    def __enter__(self) -> Self:
-        with ExitStack() as stack:
-            self._open(stack)
-            self._stack = stack.pop_all()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
-        self._stack.__exit__(kind, error, tb)
-
-    @abstractmethod
-    def _open(self, stack: ExitStack) -> None:
-        """Open what the sink writes to, and leave its closing to `stack`."""
 
 
 class CsvSink(_Managed):

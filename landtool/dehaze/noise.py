@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from landtool.dehaze.tables import looked_up
 from landtool.types import Image
 
 _STEP = 0.5  # thresholds are rounded to this, so that their tables are used again
@@ -27,10 +28,8 @@ def quieter(image: Image, threshold: float, rows: slice = slice(None)) -> Image:
     part = image[start - above : stop + below]
     mean = cv2.GaussianBlur(part, (2 * _REACH + 1, 2 * _REACH + 1), 0.0)
     flat = (stop - start, 3 * image.shape[1])
-    # two bytes beside each other, the lower first, are one index of 16 bits
-    pair = np.asarray(cv2.merge([p[above : above + flat[0]].reshape(flat) for p in (part, mean)]))
-    calm = np.asarray(cv2.LUT(pair.view("<u2")[..., 0], _table(rounded)), np.uint8)
-    return calm.reshape(flat[0], -1, 3)
+    values, means = (np.asarray(p[above : above + flat[0]], np.uint8).reshape(flat) for p in (part, mean))
+    return looked_up(values, means, _table(rounded)).reshape(flat[0], -1, 3)
 
 
 @lru_cache(maxsize=32)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from landtool.dehaze.stage import Dehazed
 from landtool.errors import UsageError
 from landtool.io.atomic import atomic_folder, atomic_path
 from landtool.io.image_out import IMAGE_FORMATS, encode_image, encode_share, image_form
+from landtool.io.managed import Managed
 from landtool.io.mcap_copy import McapCopy
 from landtool.io.source import SourceInfo, SourceKind
 from landtool.io.video_out import VideoWriter
@@ -61,30 +61,17 @@ class Output(Protocol):
         ...
 
 
-class _Managed(ABC):
-    """The context of an output: what is entered into `_stack` while it is open ends with it."""
+class _Managed(Managed):
+    """An output as a context."""
 
     def __init__(self, setup: OutputSetup) -> None:
+        super().__init__()
         self._setup = setup
-        self._stack = ExitStack()
-
-    def __enter__(self) -> Self:
-        with ExitStack() as stack:
-            self._open(stack)
-            self._stack = stack.pop_all()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None) -> None:
-        self._stack.__exit__(kind, error, tb)
 
     @property
     def lossy(self) -> bool:
         """False: frames are counted elsewhere."""
         return False
-
-    @abstractmethod
-    def _open(self, stack: ExitStack) -> None:
-        """Enter what the output writes to into `stack`, so that a bad place fails before the work."""
 
 
 class ImagesOutput(_Managed):
