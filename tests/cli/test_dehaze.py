@@ -213,3 +213,19 @@ def test_an_output_is_replaced_when_asked(dehaze: Dehaze, landing: Landing, here
     told = dehaze("shots", "-o", "out", "--overwrite")
     assert told.code == 2
     assert "holds files landtool did not write" in told.err
+
+
+def test_no_maps_are_told_where_nothing_is_dehazed(dehaze: Dehaze) -> None:
+    told = dehaze("clip.mp4", "-o", "same.mp4", "--save-transmission", *NEVER)
+    assert told.code == 0
+    assert "  no transmission maps" in told.out.splitlines()
+
+
+def test_unreadable_pictures_are_named(dehaze: Dehaze, here: Path) -> None:
+    (here / "photos").mkdir()
+    cv2.imwrite(str(here / "photos/a.png"), np.full((40, 60, 3), 90, np.uint8))
+    for number in range(7):
+        (here / f"photos/torn{number}.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    told = dehaze("photos", "-o", "clear")
+    assert told.code == 3
+    assert "not read: torn0.png, torn1.png, torn2.png, torn3.png, torn4.png and others" in told.err

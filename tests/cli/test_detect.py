@@ -352,3 +352,13 @@ def test_help_does_not_load_the_network_s_runtime() -> None:
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.stderr.strip() == "", done.stderr
     assert "--search" in done.stdout
+
+
+def test_dehaze_says_when(detect: Detect) -> None:
+    for when, hazy, dehazed in (("off", False, "0"), ("on", True, "1"), ("auto", True, "0")):
+        told = detect("clip.mp4", *NET, "-o", when, "--save", "csv", "--tags", "none", "--dehaze", when)
+        assert (told.code, told.err) == (0, "")
+        frames = read_table(Path(when) / "clip/frames.csv")
+        assert set(frames.texts("dehazed")) == {dehazed}
+        assert all(bool(haze) == hazy for haze in frames.texts("haze"))
+        assert (f"{COUNT} of {COUNT} frames dehazed" in told.out) == (when == "on")
