@@ -80,7 +80,7 @@ def _number(name: str, key: str, metavar: str, text: str) -> options.Decorator:
     "--refine",
     "dehazer__paper__refine",
     type=click.Choice(["guided", "matting"]),
-    help=f"{PAPER}guided filter, or matting Laplacian, which takes minutes a picture.  [default: guided]",
+    help=f"{PAPER}guided filter, or matting Laplacian, about a second a picture.  [default: guided]",
 )
 @_number("--guided-radius", "dehazer__paper__guided_radius_px", "N", "Guided filter: radius, px.  [default: 60]")
 @_number("--guided-epsilon", "dehazer__paper__guided_epsilon", "E", "Guided filter: regularisation.  [default: 0.001]")
