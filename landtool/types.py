@@ -104,11 +104,21 @@ class PadPose:
 
 
 @dataclass(frozen=True, eq=False)
+class Prediction:
+    """Where a platform will be `horizon_s` later, in its track's reference frame: xy_m (2,), covariance (2, 2) m^2."""
+
+    horizon_s: float
+    xy_m: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Track:
     """The platform in the reference frame at one moment, and where it will be.
 
     state: (4,) x, y in m and vx, vy in m/s. covariance: (4, 4). nis: normalised innovation squared of this frame's
-    measurement, None without one. predicted_xy_m: (2,) the place `horizon_s` later.
+    measurement, None without one. predicted_xy_m: (2,) the place `horizon_s` later. predictions: the same at every
+    horizon that was asked for.
     """
 
     track_id: int
@@ -119,13 +129,16 @@ class Track:
     nis: float | None
     horizon_s: float
     predicted_xy_m: Array
+    predictions: tuple[Prediction, ...] = ()
 
 
 @dataclass(frozen=True)
 class FrameResult:
     """What is known about one frame, without its image. Truth has the same type.
 
-    body_T_pad: the pad as seen from the drone. world_T_pad: in the world, where the drone's own pose is known.
+    pose: of the pad that is landed on, other_poses: of further pads in view. world_T_body: the drone's own pose where
+    it is known. body_T_pad: the pad as seen from the drone. world_T_pad: in the world, where the drone's own pose is
+    known. altitude_m: how high the drone is above the pad, known or estimated, what the stage was chosen by.
     """
 
     index: int
@@ -140,6 +153,9 @@ class FrameResult:
     detections: tuple[Detection, ...] = ()
     tags: tuple[TagObservation, ...] = ()
     pose: PadPose | None = None
+    other_poses: tuple[PadPose, ...] = ()
+    altitude_m: float | None = None
+    world_T_body: Pose | None = None
     body_T_pad: Pose | None = None
     world_T_pad: Pose | None = None
     tracks: tuple[Track, ...] = ()
