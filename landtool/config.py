@@ -21,7 +21,8 @@ from landtool.tone import parse_tone
 from landtool.tracking.tracker import TrackerConfig
 
 Settings = TypeVar("Settings")
-SAVES = ("video", "csv")
+SAVES = ("video", "csv")  # the default of every command
+TRACK_SAVES = (*SAVES, "mcap", "tum")
 # What a number must lie in; the command line's options have the same
 BOUNDS = {"hfov_deg": (1.0, 170.0), "diameter_m": (0.01, 100.0), "fps": (0.001, 1000.0)}
 
@@ -85,7 +86,7 @@ class TrackConfig:
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
 
     def __post_init__(self) -> None:
-        _refuse_unknown_outputs(self.save)
+        _refuse_unknown_outputs(self.save, TRACK_SAVES)
         _refuse_out_of_bounds(self)
         if self.tags.which == "none":
             raise UsageError("a track without tags has nothing to measure", hint="give tags.which = pad or all")
@@ -120,7 +121,7 @@ class DetectConfig:
     tags: TagConfig = field(default_factory=TagConfig)
 
     def __post_init__(self) -> None:
-        _refuse_unknown_outputs(self.save)
+        _refuse_unknown_outputs(self.save, SAVES)
         _refuse_out_of_bounds(self)
 
 
@@ -173,10 +174,10 @@ class GenerateConfig:
             raise UsageError(f"{self.jobs} jobs cannot work", hint="give 1 or more")
 
 
-def _refuse_unknown_outputs(names: tuple[str, ...]) -> None:
+def _refuse_unknown_outputs(names: tuple[str, ...], known: tuple[str, ...]) -> None:
     for name in names:
-        if name not in SAVES:
-            raise UsageError(f"unknown output '{name}'", hint=f"known: {', '.join(SAVES)}")
+        if name not in known:
+            raise UsageError(f"unknown output '{name}'", hint=f"known: {', '.join(known)}")
 
 
 def _refuse_out_of_bounds(settings: Any) -> None:

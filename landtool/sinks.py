@@ -1,82 +1,29 @@
-"""Where results go: one protocol, one visible table, and the loop that pulls results into the sinks."""
+"""Where results go: one visible table of sinks, and the loop that pulls results into them."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
-from fractions import Fraction
+from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self
 
 import cv2
 
-from landtool.draw import Overlay
 from landtool.errors import OutputError, OutputExistsError, UsageError
-from landtool.geometry import Pose
 from landtool.io.atomic import atomic_folder, atomic_path
-from landtool.io.managed import Managed
 from landtool.io.run_record import StageTime
 from landtool.io.tables import TABLES, TableWriter
 from landtool.io.video_out import VideoWriter
+from landtool.sink import ManagedSink, Sink, SinkSetup
 from landtool.types import Frame, FrameResult, LostFrame
 
 ANNOTATED_VIDEO = "annotated.mp4"
 ANNOTATED_IMAGES = "annotated"
 _JPEG_QUALITY = 95
 
-CameraFromReference = Callable[[FrameResult], Pose | None]
 
-
-@dataclass(frozen=True)
-class SinkSetup:
-    """What sinks are made from.
-
-    folder: where they write; an output that is there already is refused. tables: which tables, names of
-    `io.tables.TABLES`. overlay: draws the pictures. has_clock: whether frames carry times; without, pictures are
-    written one by one. time_base: the video's own, seconds a tick, None where the source has none.
-    camera_T_reference: the pose of the tracks' reference frame in the camera at a frame, None where it is not known.
-    """
-
-    folder: Path
-    tables: tuple[str, ...] = tuple(TABLES)
-    overlay: Overlay = field(default_factory=Overlay)
-    has_clock: bool = True
-    time_base: Fraction | None = None
-    camera_T_reference: CameraFromReference = lambda _result: None
-
-
-class Sink(Protocol):
-    """Takes frames in order and writes them whole or not at all: outputs appear when the context ends well.
-
-    `notes` says, one sentence each, what could not be kept.
-    """
-
-    notes: list[str]
-
-    def __enter__(self) -> Self: ...
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, tb: TracebackType | None
-    ) -> None: ...
-
-    def write(self, frame: Frame | LostFrame, result: FrameResult) -> None:
-        """Add one frame; its picture when there is one."""
-        ...
-
-
-class _Managed(Managed):
-    """A sink as a context."""
-
-    def __init__(self, setup: SinkSetup) -> None:
-        super().__init__()
-        self.notes: list[str] = []
-        self._setup = setup
-
-
-class CsvSink(_Managed):
+class CsvSink(ManagedSink):
     """Writes the tables: one file each, a header even when there are no frames."""
 
     def _open(self, stack: ExitStack) -> None:
@@ -92,7 +39,7 @@ class CsvSink(_Managed):
             writer.write(result)
 
 
-class VideoSink(_Managed):
+class VideoSink(ManagedSink):
     """Writes annotated.mp4 with the source's own timing. No pictures, no file; a lost frame leaves a gap in time."""
 
     def _open(self, stack: ExitStack) -> None:
@@ -111,7 +58,7 @@ class VideoSink(_Managed):
             raise UsageError(reason, file=frame.file or None, hint="give the clock with --fps")
         if self._writer is None:
             self._writer = self._start(*frame.image.shape[1::-1])
-        image = self._setup.overlay.draw(frame, result, self._setup.camera_T_reference(result))
+        image = self._setup.drawn.of(frame, result)
         self._writer.write(image, frame.t_ns)
 
     def _start(self, width: int, height: int) -> VideoWriter:
@@ -123,7 +70,7 @@ class VideoSink(_Managed):
             self.notes += self._writer.notes
 
 
-class ImagesSink(_Managed):
+class ImagesSink(ManagedSink):
     """Writes annotated pictures into the folder annotated/, under the names of the input's."""
 
     def _open(self, stack: ExitStack) -> None:
@@ -133,7 +80,7 @@ class ImagesSink(_Managed):
         """Draw one frame and save it; a kind of image that cannot be written becomes a PNG."""
         if isinstance(frame, LostFrame):
             return
-        image = self._setup.overlay.draw(frame, result, self._setup.camera_T_reference(result))
+        image = self._setup.drawn.of(frame, result)
         name = frame.file or f"{frame.index:06d}.png"
         kind = Path(name).suffix
         # by suffix alone: OpenCV crashes on a name that is no UTF-8

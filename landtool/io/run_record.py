@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from importlib import metadata
 from pathlib import Path
@@ -76,7 +76,10 @@ class HashedFile:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """Everything run.json says. config: the resolved options, nested; versions default to what is installed."""
+    """Everything run.json says. config: the resolved options, nested; versions default to what is installed.
+
+    verdict: on a landing, plain values; None where a run judges none.
+    """
 
     command: str
     config: Mapping[str, Any]
@@ -87,6 +90,7 @@ class RunRecord:
     seed: int | None = None
     timings: Mapping[str, StageTime] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    verdict: Mapping[str, Any] | None = None
     versions: Mapping[str, str | None] = field(default_factory=lambda: installed_versions())
 
 
@@ -105,6 +109,15 @@ def write_run(folder: Path, record: RunRecord, *, overwrite: bool = False) -> Pa
     with atomic_path(path, overwrite=overwrite) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
     return path
+
+
+def provenance(command: str, config: Mapping[str, Any], inputs: Sequence[HashedFile]) -> dict[str, str]:
+    """Return what a file that leaves its folder says of its making: command, settings and inputs, the latter as JSON."""
+    return {
+        "command": command,
+        "config": json.dumps(_plain(config), allow_nan=False),
+        "inputs": json.dumps(_plain(list(inputs))),
+    }
 
 
 def installed_versions() -> dict[str, str | None]:

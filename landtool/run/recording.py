@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
+from landtool.camera import Camera
 from landtool.config import DetectConfig, TrackConfig
 from landtool.draw import Overlay
+from landtool.geometry import Pose
 from landtool.io.atomic import atomic_folder, refuse_input_as_output
 from landtool.io.prefetch import prefetch
-from landtool.io.run_record import Counts, HashedFile, RunRecord, StageTime, write_run
+from landtool.io.run_record import Counts, HashedFile, RunRecord, StageTime, provenance, write_run
 from landtool.io.source import Source, SourceInfo, open_source
 from landtool.io.tables import TABLES
-from landtool.sinks import CameraFromReference, SinkSetup, open_sinks, write_all
+from landtool.pad import PadSpec
+from landtool.sink import CameraFromReference, SinkSetup
+from landtool.sinks import open_sinks, write_all
 from landtool.types import Frame, FrameResult, LostFrame
 
 _AHEAD = 4  # frames decoded, and results measured, ahead of their use: enough to even out their times
@@ -45,6 +50,10 @@ class RunSummary(Protocol):
         """Return the summary as text, a fact a line."""
         ...
 
+    def facts(self, wall_s: float) -> Mapping[str, Any] | None:
+        """Return the verdict on a landing as plain values, None where none is judged; wall_s: what the run took."""
+        ...
+
     def notes(self) -> list[str]:
         """Return what makes the results less than they seem, one sentence each."""
         ...
@@ -70,13 +79,19 @@ class RunRequest:
 
 @dataclass(frozen=True)
 class RunParts:
-    """What a run is put together from, once its source is known. measure: from frames to results."""
+    """What a run is put together from, once its source is known. measure: from frames to results.
+
+    camera, pad, body_T_camera: for the outputs that tell of them, None where there are none.
+    """
 
     measure: Callable[[Iterable[Frame | LostFrame]], Results]
     summary: RunSummary
     overlay: Overlay = field(default_factory=Overlay)
     tables: tuple[str, ...] = tuple(TABLES)
     camera_T_reference: CameraFromReference = lambda _result: None
+    camera: Camera | None = None
+    pad: PadSpec | None = None
+    body_T_camera: Pose | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -102,6 +117,7 @@ def run_recording(request: RunRequest, prepare: Callable[[SourceInfo], RunParts]
     started = time.perf_counter()
     config = request.config
     refuse_input_as_output([request.path, *request.read], request.folder)
+    hashed = cache(lambda: tuple(HashedFile.of(file) for file in (request.path, *request.read)))
     with ExitStack() as stack:
         source = stack.enter_context(open_source(request.path, topic=config.topic, fps=config.fps))
         parts = prepare(source.info)
@@ -115,6 +131,10 @@ def run_recording(request: RunRequest, prepare: Callable[[SourceInfo], RunParts]
             has_clock=source.info.has_clock,
             time_base=source.info.time_base,
             camera_T_reference=parts.camera_T_reference,
+            camera=parts.camera,
+            pad=parts.pad,
+            body_T_camera=parts.body_T_camera,
+            provenance=lambda: provenance(request.command, asdict(config), hashed()),
         )
         frames = stack.enter_context(closing(prefetch(iter(source), _AHEAD)))
         ahead = stack.enter_context(closing(prefetch(parts.measure(frames), _AHEAD)))
@@ -130,7 +150,7 @@ def run_recording(request: RunRequest, prepare: Callable[[SourceInfo], RunParts]
             time.perf_counter() - started,
             0 if source.report.complete and not parts.summary.lossy else 3,
         )
-        write_run(temporary, _record(request, outcome))
+        write_run(temporary, _record(request, outcome, hashed()))
     return outcome
 
 
@@ -139,14 +159,15 @@ def _counts(source: Source, written: int) -> Counts:
     return Counts(report.declared, report.decoded, report.damaged, report.lost, report.skipped, written)
 
 
-def _record(request: RunRequest, outcome: RunOutcome) -> RunRecord:
+def _record(request: RunRequest, outcome: RunOutcome, inputs: tuple[HashedFile, ...]) -> RunRecord:
     return RunRecord(
         command=request.command,
         config=asdict(request.config),
-        inputs=tuple(HashedFile.of(file) for file in (request.path, *request.read)),
+        inputs=inputs,
         counts=outcome.counts,
         exit_code=outcome.exit_code,
         model=None if request.model is None else HashedFile.of(request.model),
         timings=outcome.timings,
         notes=outcome.notes,
+        verdict=outcome.summary.facts(outcome.wall_s),
     )

@@ -107,6 +107,9 @@ def track(
             Summary(setup.camera, setup.pad),
             Overlay(setup.camera, setup.pad),
             camera_T_reference=lambda result: tracker.camera_T_reference(result.t_ns),
+            camera=setup.camera,
+            pad=setup.pad,
+            body_T_camera=setup.body_T_camera,
             notes=tuple(setup.notes),
         )
 

@@ -16,7 +16,8 @@ import pytest
 
 from landtool.errors import OutputError, OutputExistsError, UsageError
 from landtool.io.tables import TABLES, read_table
-from landtool.sinks import SINKS, CsvSink, ImagesSink, Sink, SinkSetup, VideoSink, open_sinks, write_all
+from landtool.sink import Sink, SinkSetup
+from landtool.sinks import SINKS, CsvSink, ImagesSink, VideoSink, open_sinks, write_all
 from landtool.types import Frame, FrameResult, LostFrame
 
 STEP_NS = 40_000_000
