@@ -11,8 +11,8 @@ from mcap.writer import CompressionType, Writer
 
 from landtool import __version__
 from landtool.io.mcap import lost_times
+from landtool.io.mcap_log import CHUNK_BYTES
 from landtool.io.mcap_messages import plain_type
-from landtool.io.mcap_out import CHUNK_BYTES
 from landtool.io.mcap_replace import PictureReplacer
 from landtool.io.mcap_stream import LogMessage, LogReader, LostChunk
 from landtool.types import Image

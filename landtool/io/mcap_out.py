@@ -14,22 +14,19 @@ import numpy as np
 from av.video.codeccontext import VideoCodecContext
 from av.video.frame import PictureType, VideoFrame
 from av.video.reformatter import Interpolation, VideoReformatter
-from mcap.writer import CompressionType, Writer
 
-from landtool import __version__
 from landtool.camera import Camera
 from landtool.errors import OutputError, UsageError
 from landtool.geometry import Pose
-from landtool.io.mcap_build import DIALECTS, Built, McapSchema, Motion, Transform
+from landtool.io.mcap_build import Built, McapSchema, Motion, Transform
+from landtool.io.mcap_log import McapLog, checked_stamp_ns
 from landtool.types import Frame, Image
 
 McapEncoding = Literal["raw", "jpeg", "png", "h264"]
-CHUNK_BYTES = 1 << 20
 JPEG_QUALITY = 95
 H264_CRF = 18  # hardly visible loss
 KEY_FRAME_NS = 1_000_000_000  # a player that seeks waits for the next key frame
 _BT709, _LIMITED = 1, 1
-_STAMP_LIMIT_NS = 2**31 * 1_000_000_000  # a ROS stamp has int32 seconds
 
 
 class McapImageWriter:
@@ -59,54 +56,44 @@ class McapImageWriter:
         self.path, self.topic, self.frame_id = Path(path), topic, frame_id
         self.camera, self.encoding = camera, encoding
         self.written = 0
-        self._dialect = DIALECTS[schema]()
         self._video: H264Encoder | None = None
-        self._schema_ids: dict[str, int] = {}
-        self._channel_ids: dict[str, int] = {}
-        self._sequences: dict[int, int] = {}
-        self._file = self.path.open("wb")
-        self._log = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
-        self._log.start(profile=self._dialect.profile, library=f"landtool/{__version__}")
-        self._log.add_metadata("landtool", {"version": __version__, **(metadata or {})})
+        self._log = McapLog(self.path, schema=schema)
+        self._log.describe(metadata or {})
 
     @property
     def calibration_topic(self) -> str:
         """The calibration's topic: beside the image; beside `image_raw` for `image_raw/compressed`."""
         names = self.topic.split("/")
         keep = -2 if names[-1] == "compressed" and len(names) > 2 else -1
-        return "/".join([*names[:keep], self._dialect.calibration_name])
+        return "/".join([*names[:keep], self._log.dialect.calibration_name])
 
     def write(self, frame: Frame) -> None:
         """Add one picture and its calibration, at the frame's own time."""
-        t_ns = self._checked(frame.t_ns)
+        t_ns = checked_stamp_ns(frame.t_ns)
         if self.camera is not None:
-            self._add(self.calibration_topic, t_ns, self._dialect.calibration(t_ns, self.frame_id, self.camera))
-        self._add(self.topic, t_ns, self._image(t_ns, frame.image))
+            calibration = self._log.dialect.calibration(t_ns, self.frame_id, self.camera)
+            self._log.add(self.calibration_topic, t_ns, calibration)
+        self._log.add(self.topic, t_ns, self._image(t_ns, frame.image))
         self.written += 1
 
     def write_pose(self, topic: str, t_ns: int, world_T_body: Pose, *, frame_id: str) -> None:
         """Add a pose (PoseStamped or PoseInFrame) in the frame `frame_id`. Give poses and pictures by time."""
-        stamp_ns = self._checked(t_ns)
-        self._add(topic, stamp_ns, self._dialect.pose(stamp_ns, frame_id, world_T_body))
+        stamp_ns = checked_stamp_ns(t_ns)
+        self._log.add(topic, stamp_ns, self._log.dialect.pose(stamp_ns, frame_id, world_T_body))
 
     def write_odometry(self, topic: str, t_ns: int, motion: Motion) -> None:
         """Add an odometry (nav_msgs/Odometry or foxglove.Odometry)."""
-        stamp_ns = self._checked(t_ns)
-        self._add(topic, stamp_ns, self._dialect.odometry(stamp_ns, motion))
+        stamp_ns = checked_stamp_ns(t_ns)
+        self._log.add(topic, stamp_ns, self._log.dialect.odometry(stamp_ns, motion))
 
     def write_transforms(self, topic: str, t_ns: int, transforms: Sequence[Transform]) -> None:
         """Add transforms between frames at one time (TFMessage or FrameTransforms)."""
-        stamp_ns = self._checked(t_ns)
-        self._add(topic, stamp_ns, self._dialect.transforms(stamp_ns, transforms))
+        stamp_ns = checked_stamp_ns(t_ns)
+        self._log.add(topic, stamp_ns, self._log.dialect.transforms(stamp_ns, transforms))
 
     def close(self) -> None:
         """Write the index and close the file; may be called again."""
-        if self._file.closed:
-            return
-        try:
-            self._log.finish()  # type: ignore[no-untyped-call]
-        finally:
-            self._file.close()
+        self._log.close()
 
     def __enter__(self) -> McapImageWriter:
         return self
@@ -114,20 +101,11 @@ class McapImageWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is None:
-            self.close()
-        self._file.close()
-
-    def _checked(self, t_ns: int | None) -> int:
-        if t_ns is None:
-            raise UsageError("frames without times cannot be written to an MCAP log", hint="give the input a --fps")
-        if not 0 <= t_ns < _STAMP_LIMIT_NS:
-            raise UsageError(f"the time {t_ns} ns does not fit an MCAP log", hint="write a video instead")
-        return t_ns
+        self._log.__exit__(kind, error, trace)
 
     def _image(self, t_ns: int, image: Image) -> Built:
         if self.encoding == "raw":
-            return self._dialect.raw_image(t_ns, self.frame_id, image)
+            return self._log.dialect.raw_image(t_ns, self.frame_id, image)
         if self.encoding == "h264":
             height, width = image.shape[:2]
             self._video = self._video or H264Encoder(width, height)
@@ -135,21 +113,7 @@ class McapImageWriter:
         else:
             options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if self.encoding == "jpeg" else []
             data = cv2.imencode(f".{self.encoding}", image, options)[1].tobytes()
-        return self._dialect.coded_image(t_ns, self.frame_id, data, self.encoding)
-
-    def _add(self, topic: str, t_ns: int, message: Built) -> None:
-        channel = self._channel_ids.get(topic)
-        if channel is None:
-            channel = self._channel_ids[topic] = self._register(topic, message.type)
-        sequence = self._sequences[channel] = self._sequences.get(channel, -1) + 1
-        self._log.add_message(channel, t_ns, message.data, t_ns, sequence)
-
-    def _register(self, topic: str, type_name: str) -> int:
-        dialect = self._dialect
-        if type_name not in self._schema_ids:
-            definition = dialect.definition(type_name)
-            self._schema_ids[type_name] = self._log.register_schema(type_name, dialect.schema_encoding, definition)
-        return self._log.register_channel(topic, dialect.message_encoding, self._schema_ids[type_name])
+        return self._log.dialect.coded_image(t_ns, self.frame_id, data, self.encoding)
 
 
 class H264Encoder:

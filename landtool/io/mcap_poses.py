@@ -8,6 +8,8 @@ from pathlib import Path
 
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Odometry_pb2 import Odometry
+from foxglove_schemas_protobuf.Pose_pb2 import Pose as ProtoPose
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 from mcap.records import Channel, Schema
 
@@ -51,9 +53,18 @@ def _ros_tf(data: memoryview) -> list[StampedTransform]:
 
 def _proto_pose(data: memoryview) -> list[StampedTransform]:
     message = parse_proto(PoseInFrame(), data)
-    p, q = message.pose.position, message.pose.orientation
-    pose = Pose.from_quaternion((p.x, p.y, p.z), (q.w, q.x, q.y, q.z))
-    return [StampedTransform(proto_time_ns(message.timestamp), message.frame_id, "", pose)]
+    return [StampedTransform(proto_time_ns(message.timestamp), message.frame_id, "", _of_proto(message.pose))]
+
+
+def _proto_odometry(data: memoryview) -> list[StampedTransform]:
+    message = parse_proto(Odometry(), data)
+    stamp_ns = proto_time_ns(message.timestamp)
+    return [StampedTransform(stamp_ns, message.frame_id, message.body_frame_id, _of_proto(message.pose))]
+
+
+def _of_proto(message: ProtoPose) -> Pose:
+    p, q = message.position, message.orientation
+    return Pose.from_quaternion((p.x, p.y, p.z), (q.w, q.x, q.y, q.z))
 
 
 def _proto_transform(message: FrameTransform) -> StampedTransform:
@@ -75,6 +86,7 @@ POSE_PARSERS: dict[tuple[str, str], PoseParser] = {
     ("geometry_msgs/PoseWithCovarianceStamped", "cdr"): _ros_stamped,
     ("geometry_msgs/TransformStamped", "cdr"): lambda data: [_ros_with_child(CdrReader(data))],
     ("tf2_msgs/TFMessage", "cdr"): _ros_tf,
+    ("foxglove.Odometry", "protobuf"): _proto_odometry,
     ("foxglove.PoseInFrame", "protobuf"): _proto_pose,
     ("foxglove.FrameTransform", "protobuf"): lambda data: [_proto_transform(parse_proto(FrameTransform(), data))],
     ("foxglove.FrameTransforms", "protobuf"): _proto_transforms,

@@ -112,7 +112,7 @@ def write_run(folder: Path, record: RunRecord, *, overwrite: bool = False) -> Pa
 
 
 def provenance(command: str, config: Mapping[str, Any], inputs: Sequence[HashedFile]) -> dict[str, str]:
-    """Return what a file that leaves its folder says of its making: command, settings and inputs, the latter as JSON."""
+    """Return what a file that leaves its folder says of its making; settings and inputs are JSON."""
     return {
         "command": command,
         "config": json.dumps(_plain(config), allow_nan=False),

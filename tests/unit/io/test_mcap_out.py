@@ -215,7 +215,7 @@ def test_an_error_inside_leaves_no_open_file_and_passes_on(tmp_path: Path) -> No
         ) as writer,
     ):
         raise RuntimeError("stop")
-    assert writer._file.closed
+    assert writer._log.closed
 
 
 MOTION = Motion(
@@ -286,9 +286,10 @@ def test_transforms_as_others_read_them(tmp_path: Path, schema: McapSchema) -> N
     assert [t_ns for t_ns, _ in read_back] == [START_NS]
 
 
-def test_ros2_odometry_is_a_drones_own_pose(tmp_path: Path) -> None:
+@pytest.mark.parametrize("schema", SCHEMAS)
+def test_odometry_is_a_drones_own_pose(tmp_path: Path, schema: McapSchema) -> None:
     with McapImageWriter(
-        tmp_path / "a.mcap", schema="ros2", topic="/c", frame_id="", camera=None, encoding="raw"
+        tmp_path / "a.mcap", schema=schema, topic="/c", frame_id="", camera=None, encoding="raw"
     ) as log:
         log.write_odometry("/odometry", START_NS, MOTION)
     [(t_ns, pose)] = read_poses(tmp_path / "a.mcap", "/odometry")
@@ -311,3 +312,18 @@ def test_h264_keeps_the_brightness(tmp_path: Path, grey: bool) -> None:
     luma = frame.to_ndarray()[:192]
     exact = 16.0 + 219.0 / 255.0 * (picture @ np.array([0.0722, 0.7152, 0.2126]))
     assert abs(exact.mean() - luma.mean()) < 0.25
+
+
+def test_the_time_of_logging_never_goes_back(tmp_path: Path) -> None:
+    picture = frames(1)[0].image
+    steps = (0, 40, 20, 20, 60)  # ms
+    with McapImageWriter(
+        tmp_path / "a.mcap", schema="foxglove", topic="/c", frame_id="", camera=CAMERA, encoding="png"
+    ) as writer:
+        for n, step in enumerate(steps):
+            writer.write(Frame(n, START_NS + step * 10**6, picture))
+    for topic in ("/c", "/calibration"):
+        messages = [item for item in decoded(tmp_path / "a.mcap") if item[1].topic == topic]
+        assert [(m[2].log_time - START_NS) // 10**6 for m in messages] == [0, 40, 40, 40, 60]
+        stamps = [m[3].timestamp.seconds * 10**9 + m[3].timestamp.nanos - START_NS for m in messages]
+        assert [stamp // 10**6 for stamp in stamps] == list(steps)

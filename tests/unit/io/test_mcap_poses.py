@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Odometry_pb2 import Odometry
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
 
 from landtool.errors import InputError, UsageError
@@ -78,7 +79,15 @@ def pose_in_frame(pose: Pose, stamp_ns: int) -> PoseInFrame:
     return message
 
 
+def foxglove_odometry(pose: Pose, stamp_ns: int) -> Odometry:
+    message = Odometry(frame_id="map", body_frame_id="base_link")
+    message.timestamp.seconds, message.timestamp.nanos = divmod(stamp_ns, 10**9)
+    message.pose.CopyFrom(pose_in_frame(pose, stamp_ns).pose)
+    return message
+
+
 FOXGLOVE: dict[str, Callable[[Pose, int], Any]] = {
+    "Odometry": foxglove_odometry,
     "FrameTransform": frame_transform,
     "FrameTransforms": lambda pose, t: FrameTransforms(transforms=[frame_transform(pose, t)]),
     "PoseInFrame": pose_in_frame,
@@ -109,6 +118,7 @@ def test_foxglove_types(tmp_path: Path, kind: str) -> None:
         for n in range(4):
             log.proto("/ego", FOXGLOVE[kind](pose_at(n), START_NS + n * STEP_NS), 7 + n)
     assert_poses(read_poses(path, "/ego"), [0, 1, 2, 3])
+    assert [topic.name for topic in describe_mcap(path).pose_topics] == ["/ego"]
 
 
 def test_sorted_by_stamp_and_without_repeats(tmp_path: Path) -> None:
