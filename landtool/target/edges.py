@@ -9,8 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from landtool.camera import Camera
 from landtool.geometry import Array, Pose
@@ -21,11 +23,31 @@ from landtool.types import Image
 _POINTS_ON_CIRCLE = 48
 _SHARES_OF_SIDE = (0.15, 0.38, 0.62, 0.85)
 _REACH_PX = 3.0
-_STEP_PX = 0.5
+STEP_PX = 0.5
 # The window must not reach the next edge: this share of the narrowest printed stroke is its half width at the most
 _SHARE_OF_STROKE = 0.45
-_LEAST_REACH_PX = 1.5
+LEAST_REACH_PX = 1.5
+LEAST_EDGES = _POINTS_ON_CIRCLE // 2
 _LEAST_FALL = 0.25  # of the strongest edges' fall; a weaker one is a shadow's, a blur's, or another thing's
+
+
+@dataclass(frozen=True, eq=False)
+class PrintedEdges:
+    """Points on a pad's printed edges.
+
+    points_m, inward: (N, 2) pad frame, the latter unit normals into the dark side. red: (N,) the dark side is the
+    ring's, not the H's. stroke_m: the narrowest stroke.
+    """
+
+    points_m: Array
+    inward: Array
+    red: NDArray[np.bool_]
+    stroke_m: float
+
+    def reach_px(self, camera: Camera, camera_T_pad: Pose) -> float:
+        """Return how far from an edge nothing else is printed, at most what is needed; pixels."""
+        stroke_px = self.stroke_m * min(camera.fx, camera.fy) / camera_T_pad.translation[2]
+        return float(min(_REACH_PX, STEP_PX * np.floor(_SHARE_OF_STROKE * stroke_px / STEP_PX)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,44 +70,62 @@ def measure_edges(image: Image, camera: Camera, camera_T_pad: Pose, pad: PadSpec
 
     image: (H, W, 3) BGR uint8 of the camera's size.
     """
-    points, inward, stroke_m = _printed(pad)
-    if not len(points):
+    printed = printed_edges(pad)
+    if not len(printed.points_m):
         return None
-    places, normals, jacobian = _projected(camera, camera_T_pad, points, inward)
-    stroke_px = stroke_m * min(camera.fx, camera.fy) / camera_T_pad.translation[2]
-    reach = min(_REACH_PX, _STEP_PX * np.floor(_SHARE_OF_STROKE * stroke_px / _STEP_PX))
-    limit = np.array([camera.width, camera.height]) - (reach + 2.0)
-    inside = ((places > reach + 1.0) & (places < limit)).all(axis=1)
-    if reach < _LEAST_REACH_PX or inside.sum() < _POINTS_ON_CIRCLE // 2:
+    places, normals, jacobian = project_edges(camera, camera_T_pad, printed.points_m, printed.inward)
+    reach = printed.reach_px(camera, camera_T_pad)
+    inside = within(camera, places, reach)
+    if reach < LEAST_REACH_PX or inside.sum() < LEAST_EDGES:
         return None
-    distance = np.arange(-reach, reach + _STEP_PX / 2, _STEP_PX)
-    profile = _profiles(image, places[inside], normals[inside], distance, tone)
-    # the normal points into the dark: the edge lies where the light falls, its middle is the fall's centre
-    fall = np.maximum(-np.diff(profile, axis=1), 0.0)
-    total = fall.sum(axis=1)
-    strong = np.partition(total, int(0.9 * len(total)))[int(0.9 * len(total))]
-    seen = total > _LEAST_FALL * strong + 1e-6
-    middle = (distance[1:] + distance[:-1]) / 2.0
-    # squared, so that the noise of the bright side, larger in linear light, does not pull the centre there
-    strength = fall[seen] ** 2
-    offsets = strength @ middle / strength.sum(axis=1)
+    distance = np.arange(-reach, reach + STEP_PX / 2, STEP_PX)
+    profile = sample_profiles(image[:, :, 1], places[inside], normals[inside], distance, linear_lut(tone))
+    fall, seen = falls(profile)
+    offsets = centres(fall[seen], distance)
     return Edges(normals[inside][seen], offsets, jacobian[inside][seen], float(seen.sum() / inside.sum()))
 
 
-def _profiles(image: Image, places: Array, normals: Array, distance: Array, tone: Tone) -> Array:
-    """Sample linear light (N, S) of the green channel at distances (S,) along normals (N, 2) through places (N, 2)."""
+def within(camera: Camera, places: Array, reach_px: float) -> NDArray[np.bool_]:
+    """Return which places (N, 2) have their whole profile in the picture."""
+    limit = np.array([camera.width, camera.height]) - (reach_px + 2.0)
+    return np.asarray(((places > reach_px + 1.0) & (places < limit)).all(axis=1))
+
+
+def falls(profile: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return how much the light of profiles (N, S) falls at each step (N, S - 1), and which show an edge (N,)."""
+    # the normal points into the dark: the edge lies where the light falls
+    fall = np.maximum(-np.diff(profile, axis=1), 0.0)
+    total = fall.sum(axis=1)
+    strong = np.partition(total, int(0.9 * len(total)))[int(0.9 * len(total))]
+    return fall, total > _LEAST_FALL * strong + 1e-6
+
+
+def centres(fall: Array, distance: Array) -> Array:
+    """Return where on their normals edges lie (N,) whose light falls by `fall` (N, S - 1) between distances (S,)."""
+    middle = (distance[1:] + distance[:-1]) / 2.0
+    # squared, so that the noise of the bright side, larger in linear light, does not pull the centre there
+    strength = fall**2
+    return np.asarray(strength @ middle / strength.sum(axis=1))
+
+
+def sample_profiles(
+    plane: Image, places: Array, normals: Array, distance: Array, light: NDArray[np.floating[Any]]
+) -> Array:
+    """Sample light (N, S) at distances (S,) along normals (N, 2) through places (N, 2), all inside the picture.
+
+    plane: (H, W) uint8. light: (256,) of its values.
+    """
     u, v = (places[:, None, :] + distance[:, None] * normals[:, None, :]).transpose(2, 0, 1)
     column, row = u.astype(np.int64), v.astype(np.int64)  # inside the picture, so never below zero
     right, down = u - column, v - row
-    green, light = image[:, :, 1], linear_lut(tone)
-    upper = (1.0 - right) * light[green[row, column]] + right * light[green[row, column + 1]]
-    lower = (1.0 - right) * light[green[row + 1, column]] + right * light[green[row + 1, column + 1]]
+    upper = (1.0 - right) * light[plane[row, column]] + right * light[plane[row, column + 1]]
+    lower = (1.0 - right) * light[plane[row + 1, column]] + right * light[plane[row + 1, column + 1]]
     return np.asarray((1.0 - down) * upper + down * lower)
 
 
 @lru_cache(maxsize=8)
-def _printed(pad: PadSpec) -> tuple[Array, Array, float]:
-    """Points (N, 2) on printed edges, unit normals (N, 2) into their dark side, and the narrowest stroke in metres."""
+def printed_edges(pad: PadSpec) -> PrintedEdges:
+    """Return points on the edges of ring and H; none without both."""
     places: list[Array] = []
     normals: list[Array] = []
     strokes: list[float] = []
@@ -103,8 +143,10 @@ def _printed(pad: PadSpec) -> tuple[Array, Array, float]:
         normals.append(into_letter)
         strokes.append(pad.letter.stroke)
     if not places:
-        return np.zeros((0, 2)), np.zeros((0, 2)), 0.0
-    return np.concatenate(places), np.concatenate(normals), min(strokes) * pad.diameter_m
+        return PrintedEdges(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0, np.bool_), 0.0)
+    points = np.concatenate(places)
+    red = np.arange(len(points)) < (2 * _POINTS_ON_CIRCLE if pad.ring else 0)
+    return PrintedEdges(points, np.concatenate(normals), red, min(strokes) * pad.diameter_m)
 
 
 def _letter_edges(pad: PadSpec) -> tuple[Array, Array]:
@@ -122,7 +164,7 @@ def _letter_edges(pad: PadSpec) -> tuple[Array, Array]:
     return points[free], normals[free]
 
 
-def _projected(camera: Camera, camera_T_pad: Pose, points: Array, inward: Array) -> tuple[Array, Array, Array]:
+def project_edges(camera: Camera, camera_T_pad: Pose, points: Array, inward: Array) -> tuple[Array, Array, Array]:
     """Return the points' pixels (N, 2), unit normals (N, 2) in the image, and Jacobian (N, 6) along them by (dt, dw).
 
     NaN for what is not in front.
