@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-
-import numpy as np
+from typing import Any
 
 from landtool.camera import Camera
 from landtool.io.run_record import StageTime
 from landtool.pad import PadSpec
+from landtool.report.facts import facts
+from landtool.report.verdict import VerdictLog
+from landtool.report.words import verdict_lines
 from landtool.types import Frame, FrameResult, LostFrame
 
 # A corner further off than this was not misread by noise
@@ -39,25 +41,25 @@ class HazeCount:
 
 
 class Summary:
-    """Counts and extremes over a run; memory does not grow with its length.
+    """The verdict on a landing, and what makes it less than it seems; memory does not grow with the run's length.
 
-    frames, posed (with a pose), tags (read, all ids), flips_rejected (the better fit was not believed), states
-    (frames by the best track's state), distance_m (first, least), longest_gap_s (between poses, after the first).
-    misfits: poses whose corners lie far from their places. unmeasured: pictures of another size than the camera's.
-    unplaced: poses at whose time the drone's own is not known.
+    switch_altitude_m: where far becomes near, None where the stages do not go by altitude. nis_dof: numbers a
+    measurement of the filter has. frames, posed (with a pose), tags (read, all ids). misfits: poses whose corners lie
+    far from their places. unmeasured: pictures of another size than the camera's. unplaced: poses at whose time the
+    drone's own is not known.
     """
 
-    def __init__(self, camera: Camera, pad: PadSpec) -> None:
+    def __init__(
+        self, camera: Camera, pad: PadSpec, *, switch_altitude_m: float | None = None, nis_dof: int = 2
+    ) -> None:
         self._pad = pad
+        self._switch_altitude_m = switch_altitude_m
         self.assumed = camera.assumed
         self._size = camera.width, camera.height
         self.unmeasured = self.unplaced = self.misfits = 0
-        self.frames = self.posed = self.tags = self.flips_rejected = 0
-        self.states: Counter[str] = Counter()
-        self.first_distance_m: float | None = None
-        self.least_distance_m: float | None = None
-        self.longest_gap_s = 0.0
-        self._last_pose_ns: int | None = None
+        self.frames = self.posed = self.tags = 0
+        # a ring of D pixels, D f / z, spans half the picture's shorter side
+        self._log = VerdictLog(2.0 * camera.fx * pad.diameter_m / min(self._size), nis_dof)
         self._haze = HazeCount()
 
     def watch(self, results: Results) -> Iterator[tuple[Frame | LostFrame, FrameResult]]:
@@ -70,22 +72,13 @@ class Summary:
     def _add(self, result: FrameResult) -> None:
         self.frames += 1
         self._haze.add(result)
+        self._log.add(result)
         self.tags += len(result.tags)
-        order = ("confirmed", "coasting", "tentative")
-        self.states[min((t.status for t in result.tracks), key=order.index, default="none")] += 1
         if result.pose is None:
             return
         self.posed += 1
         self.unplaced += "own pose is not known" in result.reason
-        self.flips_rejected += result.pose.better_fit_rejected
         self.misfits += result.pose.reproj_px > _MISFIT_PX
-        distance = float(np.linalg.norm(result.pose.camera_T_pad.translation))
-        self.first_distance_m = distance if self.first_distance_m is None else self.first_distance_m
-        self.least_distance_m = min(distance, self.least_distance_m or distance)
-        if result.t_ns is not None:
-            if self._last_pose_ns is not None:
-                self.longest_gap_s = max(self.longest_gap_s, (result.t_ns - self._last_pose_ns) * 1e-9)
-            self._last_pose_ns = result.t_ns
 
     @property
     def lossy(self) -> bool:
@@ -93,19 +86,18 @@ class Summary:
         return self.unmeasured > 0
 
     def lines(self) -> list[str]:
-        """Return the summary as text, a fact a line."""
-        said = [f"frames {self.frames}, pad measured in {self.posed}, tags read {self.tags}"]
-        if self.first_distance_m is not None and self.least_distance_m is not None:
-            size = f"with the pad's D = {self._pad.diameter_m:g} m"
-            said.append(f"first seen at {self.first_distance_m:.2f} m, closest {self.least_distance_m:.2f} m, {size}")
-            gap = "" if self._last_pose_ns is None else f"longest gap {self.longest_gap_s:.2f} s, "
-            said.append(f"{gap}mirror poses rejected {self.flips_rejected}")
-        share = ", ".join(f"{state} {count}" for state, count in sorted(self.states.items()))
-        said.append(f"track, frames by state: {share or 'none'}")
+        """Return the verdict as text, a fact a line."""
+        said = verdict_lines(
+            self._log.verdict(), diameter_m=self._pad.diameter_m, switch_altitude_m=self._switch_altitude_m
+        )
         said += self._haze.lines()
         if self.assumed:
             said.append(f"camera assumed: {self.assumed}; distances are as good as that")
         return said
+
+    def facts(self, wall_s: float) -> dict[str, Any]:
+        """Return the verdict as plain values; wall_s: what the run took."""
+        return facts(self._log.verdict(), wall_s=wall_s, switch_altitude_m=self._switch_altitude_m)
 
     def notes(self) -> list[str]:
         """Return what makes the results less than they seem, one sentence each."""
@@ -191,6 +183,9 @@ class DetectionSummary:
         if self._times:
             said.append("ms a frame: " + ", ".join(f"{stage} {t.mean_ms:.1f}" for stage, t in self._times.items()))
         return said
+
+    def facts(self, wall_s: float) -> None:
+        """Return nothing: boxes make no landing to judge."""
 
     def notes(self) -> list[str]:
         """Return what makes the results less than they seem, one sentence each."""
