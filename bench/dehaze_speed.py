@@ -61,4 +61,4 @@ def _timed(image: Image) -> dict[str, float]:
 
 def _stage(image: Image, config: DehazeConfig) -> Callable[[int], object]:
     stage = DehazeStage(config, when="on")
-    return lambda turn: stage.see(Frame(turn, turn * FRAME_NS, image))
+    return lambda turn: stage.see(Frame(turn, turn * FRAME_NS, image)).image

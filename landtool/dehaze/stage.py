@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import partial
+from threading import Lock
 from typing import Literal
 
 import numpy as np
@@ -22,18 +24,28 @@ _CUT = 0.06
 _LEAST_LIGHT = 1e-4
 
 
-@dataclass(frozen=True, eq=False)
 class Dehazed:
-    """A frame as the stage gives it on. image: (H, W, 3) BGR uint8, the frame's own array where it was left alone.
+    """A frame as the stage gives it on; its picture is made when it is first asked for, by whichever thread.
 
     haze: the guessed share of the scene's light that the air before it takes away, 1 - t, in [0, 1], smoothed in
-    time. transmission: (h, w) t that was used, of the picture's size or smaller; None where the frame was left alone.
+    time; known at once. transmission: (h, w) t that was used, of the picture's size or smaller; None where the frame
+    was left alone. picture: the image, or what makes it.
     """
 
-    image: Image
-    haze: float
-    dehazed: bool
-    transmission: Map | None = None
+    def __init__(
+        self, picture: Image | Callable[[], Image], haze: float, dehazed: bool, transmission: Map | None = None
+    ) -> None:
+        self.haze, self.dehazed, self.transmission = haze, dehazed, transmission
+        self._picture = picture
+        self._lock = Lock()
+
+    @property
+    def image(self) -> Image:
+        """The picture (H, W, 3) BGR uint8, the frame's own array where it was left alone."""
+        with self._lock:
+            if callable(self._picture):
+                self._picture = self._picture()
+            return self._picture
 
 
 class DehazeStage:
@@ -55,7 +67,10 @@ class DehazeStage:
         self._on = False
 
     def see(self, frame: Frame) -> Dehazed:
-        """Return the frame, dehazed where that is wanted."""
+        """Return the frame, dehazed where that is wanted.
+
+        What is remembered from frame to frame is brought up to date here, whether the picture is asked for or not.
+        """
         small = small_copy(frame.image)
         known = statistics(small)
         elapsed = self._elapsed(frame.t_ns, known)
@@ -67,7 +82,7 @@ class DehazeStage:
             return Dehazed(frame.image, veil.haze, False)
         air = self._recipe.estimate(frame.image, veil, lambda airlight: self._steady_airlight(airlight, elapsed))
         air = air.thinned(self._strength * self._config.strength)
-        return Dehazed(self._recipe.recover(frame.image, air), veil.haze, True, air.transmission)
+        return Dehazed(partial(self._recipe.recover, frame.image, air), veil.haze, True, air.transmission)
 
     def _elapsed(self, t_ns: int | None, known: Statistics) -> float:
         """Return the seconds since the frame before, inf where there is none or it showed another scene."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,9 @@ _CELLS = 3  # the copy is cut into 3 x 3 of them
 _TILE = 4  # contrast is taken in tiles of 4 x 4
 # brightest colour of a pixel: where its classes end
 _BRIGHTNESS = (38, 77, 128, 191, 256)
+_CLASSES = np.digitize(np.arange(256), _BRIGHTNESS)
+_SHARES = np.array(SHARES)
+_X, _Y = (np.linspace(-1.0, 1.0, n, dtype=np.float32) for n in SMALL)
 
 
 def small_copy(image: Image) -> Image:
@@ -37,7 +42,7 @@ def statistics(small: Image) -> Statistics:
     lack = np.asarray(cv2.subtract(most, least), np.uint8)
     luma = np.asarray(cv2.cvtColor(small, cv2.COLOR_BGR2GRAY), np.uint8)
     maps = [*cv2.split(small), dark, lack, most, _steps(luma), _contrast(least, most)]
-    groups = [_quantiles(np.asarray(m)) for m in maps]
+    groups = [_quantiles([np.asarray(m) for m in maps])]
     groups += [_of_cells(dark, luma), _of_brightness(most, lack)]
     groups += [_slopes(m) for m in (dark, luma, lack)]
     return np.concatenate(groups).astype(np.float32)
@@ -69,11 +74,15 @@ def _contrast(least: Image, most: Image) -> Image:
     return np.asarray(bright - darkest, np.uint8)
 
 
-def _quantiles(values: Image) -> Statistics:
-    """Return the quantiles at `SHARES`, by counting: the least value that so many are not above."""
-    counts = np.bincount(values.ravel(), minlength=256).cumsum()
-    wanted = np.ceil(np.array(SHARES) * counts[-1])
-    return np.asarray(np.searchsorted(counts, wanted) / 255.0, np.float32)
+def _quantiles(maps: Sequence[Image]) -> Statistics:
+    """Return the quantiles of each map at `SHARES`, by counting: the least value that so many are not above."""
+    # counted all at once, each map's values above those of the map before it
+    raised = [values.ravel() + np.uint16(256 * i) for i, values in enumerate(maps)]
+    counts = np.bincount(np.concatenate(raised), minlength=256 * len(maps)).cumsum()
+    ends = np.array([0, *counts[255::256]])
+    wanted = ends[:-1, None] + np.ceil(_SHARES * np.diff(ends)[:, None])
+    values = np.searchsorted(counts, wanted) - 256 * np.arange(len(maps))[:, None]
+    return np.asarray(values.ravel() / 255.0, np.float32)
 
 
 def _of_cells(dark: Image, luma: Image) -> Statistics:
@@ -91,7 +100,7 @@ def _of_cells(dark: Image, luma: Image) -> Statistics:
 
 def _of_brightness(most: Image, lack: Image) -> Statistics:
     """Return for pixels of each class of brightness their mean lack of grey, and their share."""
-    classes = np.digitize(most.ravel(), _BRIGHTNESS)
+    classes = _CLASSES[most.ravel()]
     counts = np.bincount(classes, minlength=len(_BRIGHTNESS))
     total = np.bincount(classes, weights=lack.ravel(), minlength=len(_BRIGHTNESS))
     # a handful of pixels says little
@@ -101,7 +110,6 @@ def _of_brightness(most: Image, lack: Image) -> Statistics:
 def _slopes(values: Image) -> Statistics:
     """Return how a map rises to the right and downwards: its products with x and y in [-1, 1]."""
     height, width = values.shape
-    x, y = (np.linspace(-1.0, 1.0, n, dtype=np.float32) for n in (width, height))
     level = values.astype(np.float32) / np.float32(255.0)
     level -= level.mean()
-    return np.array([level.mean(axis=0) @ x / width, level.mean(axis=1) @ y / height], np.float32) * np.float32(3.0)
+    return np.array([level.mean(axis=0) @ _X / width, level.mean(axis=1) @ _Y / height], np.float32) * np.float32(3.0)

@@ -125,6 +125,8 @@ def _seen(frames: Iterable[Frame | LostFrame], stage: DehazeStage) -> Seen:
     for frame in frames:
         start = time.perf_counter()
         seen = stage.see(frame) if isinstance(frame, Frame) else None
+        if seen is not None:
+            _ = seen.image  # made here, ahead of the outputs
         yield frame, seen, time.perf_counter() - start
 
 

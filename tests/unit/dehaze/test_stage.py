@@ -2,7 +2,10 @@ from __future__ import annotations
 
 import itertools
 import math
+import threading
+import time
 from collections.abc import Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,10 +14,12 @@ import numpy as np
 import pytest
 
 from landtool.dehaze import stage as stage_module
+from landtool.dehaze.air import Air
 from landtool.dehaze.config import DehazeConfig
 from landtool.dehaze.stage import Dehazed, DehazeStage
 from landtool.dehaze.statistics import Statistics
 from landtool.dehaze.veil import Veil
+from landtool.dehaze.veil_recipe import VeilRecipe
 from landtool.types import Frame, Image
 from tests.unit.dehaze.hazy import developed, fogged, hazy_picture, patches
 
@@ -309,3 +314,41 @@ def test_an_even_picture_stays_as_it_is(value: int) -> None:
     image = np.full((60, 80, 3), value, np.uint8)
     assert DehazeStage(DehazeConfig()).see(frame(image, 0.0)).image is image
     np.testing.assert_array_equal(DehazeStage(DehazeConfig(), when="on").see(frame(image, 0.0)).image, image)
+
+
+def test_the_picture_is_made_once_and_only_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    recover, calls = VeilRecipe.recover, []
+
+    def counted(recipe: VeilRecipe, image: Image, air: Air) -> Image:
+        calls.append(threading.get_ident())
+        time.sleep(0.01)  # so that the others arrive while it is made
+        return recover(recipe, image, air)
+
+    monkeypatch.setattr(VeilRecipe, "recover", counted)
+    made = DehazeStage(DehazeConfig(), when="on").see(frame(hazy_picture(1), 0.0))
+    assert made.dehazed
+    assert made.haze > 0.0
+    assert not calls
+    with ThreadPoolExecutor(4) as pool:
+        images = list(pool.map(lambda _: made.image, range(8)))
+    assert len(calls) == 1
+    assert all(image is images[0] for image in images)
+
+
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_a_picture_nobody_asked_for_changes_no_later_one(recipe: Kind) -> None:
+    images = [hazy_picture(1, 0.3 + 0.05 * k) for k in range(5)]
+    stages = [DehazeStage(DehazeConfig(recipe=recipe), when="on") for _ in range(2)]
+    every = [made.image for made in see_all(stages[0], images)]
+    last = see_all(stages[1], images)[-1]
+    np.testing.assert_array_equal(last.image, every[-1])
+
+
+def test_what_hinders_a_picture_is_said_each_time_it_is_asked_for() -> None:
+    def fail() -> Image:
+        raise ValueError("too dark")
+
+    made = Dehazed(fail, 0.5, True)
+    for _ in range(2):
+        with pytest.raises(ValueError, match="too dark"):
+            _ = made.image
