@@ -6,6 +6,7 @@ over it at every angle, and the best correlation counts.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
@@ -26,8 +27,27 @@ _TILTS, _SIDES = (
 _FINE = 4  # samples of the letter a step in either direction
 
 
+@dataclass(frozen=True)
+class LetterSight:
+    """The letter inside a ring: its correlation in [-1, 1] with the picture at its best turn.
+
+    turn_rad: of the print's right within the ellipse: the letter's (u, v), right and down, in radii, is seen at
+    (x, y) = (sx p, sy (slant p + sqrt(1 - slant^2) q)) about the ellipse's middle, (p, q) = (u, v) turned by it.
+    Half a turn more fits as well.
+    """
+
+    likeness: float
+    turn_rad: float
+
+
 def letter_likeness(image: Image, ring: Ellipse, pad: PadSpec) -> float | None:
-    """Return the correlation in [-1, 1] of what is inside a ring with the pad's letter, at its best angle.
+    """Return the likeness of `find_letter`."""
+    seen = find_letter(image, ring, pad)
+    return None if seen is None else seen.likeness
+
+
+def find_letter(image: Image, ring: Ellipse, pad: PadSpec) -> LetterSight | None:
+    """Return how the pad's letter is seen inside a ring.
 
     image: (H, W, 3) BGR uint8. ring: the outer circle. None for a pad without a letter or ring, where less than half
     of the disc is in the picture, and where it is all of one brightness.
@@ -77,7 +97,7 @@ def _smoothed(image: Image, ring: Ellipse, x: Array, y: Array) -> Array:
     return np.asarray(sampled, np.float64).reshape(x.shape)
 
 
-def _best_correlation(seen: Array, weight: Array, pattern: Array) -> float | None:
+def _best_correlation(seen: Array, weight: Array, pattern: Array) -> LetterSight | None:
     """Return the largest weighted correlation of `seen` (views, circles, angles) with the pattern at any angle.
 
     r = (<w s p> - <w s><w p> / <w>) / sqrt((<w s s> - <w s>^2 / <w>) (<w p p> - <w p>^2 / <w>)), all shifts at once.
@@ -91,7 +111,11 @@ def _best_correlation(seen: Array, weight: Array, pattern: Array) -> float | Non
     product = _over_shifts(weight * centred, pattern)
     sums, squares = _over_shifts(weight, pattern), _over_shifts(weight, pattern**2)
     spread = np.maximum(squares - sums**2 / total, 1e-9)
-    return float((product / np.sqrt(np.maximum(energy, 1e-9) * spread)).max())
+    alike = product / np.sqrt(np.maximum(energy, 1e-9) * spread)
+    best = int(alike.argmax())
+    # the pattern begins at the print's top, a quarter turn before its right
+    turn = (best % _ANGLES + _ANGLES // 4) * 2.0 * float(np.pi) / _ANGLES
+    return LetterSight(float(alike.ravel()[best]), turn % float(np.pi))
 
 
 def _over_shifts(fixed: Array, shifted: Array) -> Array:

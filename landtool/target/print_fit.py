@@ -53,12 +53,13 @@ _MOST_LAST_STEP = 0.02
 class PrintFit:
     """The outer circle of a print's ring as an ellipse in the picture, OpenCV's pixels.
 
-    likeness: correlation of the fitted print with the pixels within the ring, in [0, 1]. share: weight of the pixels
+    axes: (2, 2) pixels a radius, right and down on the print; half a turn more may be as right. likeness: correlation of the fitted print with the pixels within the ring, in [0, 1]. share: weight of the pixels
     there that agree. residual: robust standard deviation of the pixels about the print, of its contrast. sigma_px:
     standard error of the edges of the ellipse's box, the largest of them.
     """
 
     ellipse: Ellipse
+    axes: Array
     likeness: float
     share: float
     residual: float
@@ -288,4 +289,4 @@ def _result(fitted: _Fitted, corner: Array) -> PrintFit:
             variances.append(float(gradient @ covariance @ gradient))
     ellipse = Ellipse(float(cx), float(cy), float(half[0]), float(half[1]), float(shape[0, 1] / half.prod()))
     residual = fitted.scale / float(fitted.light[1])
-    return PrintFit(ellipse, fitted.likeness, fitted.share, residual, math.sqrt(max(0.0, *variances)))
+    return PrintFit(ellipse, axes, fitted.likeness, fitted.share, residual, math.sqrt(max(0.0, *variances)))

@@ -30,9 +30,10 @@ _MOST_KERNEL = 2 * FINE * MARGIN_PX - 1
 
 @dataclass(frozen=True, eq=False)
 class Print:
-    """A pad's print as textures of two planes (n, n, 2): darkness, 1 is black and 0 white, and the board's coverage.
+    """A pad's print as textures of planes (n, n, 2): darkness, 1 is black and 0 white, and the board's coverage.
 
-    levels: each averages 2x2 texels of the one before. texel: of the first, in radii. side: half the board's.
+    A print in parts has three (n, n, 3): darkness of all but the ring, coverage, and the darkness of the ring, whose
+    paint fades and shines as it likes. levels: each averages 2x2 texels of the one before. texel: of the first, in radii. side: half the board's.
     """
 
     levels: tuple[Plane, ...]
@@ -40,13 +41,13 @@ class Print:
     side: float
 
 
-@lru_cache(maxsize=4)
-def print_of(pad: PadSpec, tone: Tone) -> Print | None:
+@lru_cache(maxsize=8)
+def print_of(pad: PadSpec, tone: Tone, *, in_parts: bool = False) -> Print | None:
     """Return the print of a pad; None without a board or a ring, as then what is around it is not known."""
     if pad.board is None or pad.ring is None:
         return None
     texel_m = pad.extent_m / _TEXELS_ACROSS
-    planes = np.zeros((_TEXELS, _TEXELS, 2), np.float32)
+    planes = np.zeros((_TEXELS, _TEXELS, 3 if in_parts else 2), np.float32)
     white = _luma(pad.board.color, tone)
     for shape in pad.shapes():
         points = np.zeros((_TEXELS, _TEXELS), np.uint8)
@@ -57,7 +58,11 @@ def print_of(pad: PadSpec, tone: Tone) -> Print | None:
             cv2.circle(points, (column, row), round(shape.radius_m / texel_m * 16.0), 1, -1, shift=4)
         else:
             cv2.fillPoly(points, [place.round().astype(np.int32)], 1, shift=4)
-        planes[points > 0] = (1.0 - _luma(shape.color, tone) / white, 1.0)
+        darkness = 1.0 - _luma(shape.color, tone) / white
+        paint: tuple[float, ...] = (darkness, 1.0)
+        if in_parts:
+            paint = (0.0, 1.0, darkness) if shape.color == pad.ring.color else (darkness, 1.0, 0.0)
+        planes[points > 0] = paint
     levels = [planes]
     for _ in range(_LEVELS - 1):
         n = len(levels[-1]) // 2
@@ -88,12 +93,10 @@ class Placed:
 def shown(what: Print, placed: Placed, rows: int, columns: int) -> Plane:
     """Return darkness and coverage (rows f, columns f, 2) with one spare sample on every side; f is `FINE`."""
     scale = math.sqrt(max(abs(float(np.linalg.det(placed.axes))), 1e-6)) * FINE  # samples a radius
-    level = min(max(math.floor(math.log2(max(1.0 / (scale * what.texel), 1.0)) + 0.25), 0), _LEVELS - 1)
-    texture = what.levels[level]
-    texel = what.texel * 2**level
+    texture, texel = texture_level(what, scale)
     # sample -> pixel -> print -> texel
     inverse = np.linalg.inv(placed.axes)
-    kernel = _kernel(placed.blur)
+    kernel = blur_kernel(placed.blur)
     reach = kernel.shape[0] // 2 + 1
     offset = (0.5 - reach) / FINE - 0.5
     matrix = np.empty((2, 3))
@@ -107,7 +110,17 @@ def shown(what: Print, placed: Placed, rows: int, columns: int) -> Plane:
     return np.asarray(blurred[cut : blurred.shape[0] - cut, cut : blurred.shape[1] - cut], np.float32)
 
 
-def _kernel(blur: Array) -> Plane:
+def texture_level(what: Print, samples_per_radius: float, finer: float = 0.0) -> tuple[Plane, float]:
+    """Return the texture (n, n, 2) whose texels are about as large as samples are apart, and their size in radii.
+
+    finer: so many halvings of the texels more.
+    """
+    apart = math.log2(max(1.0 / (samples_per_radius * what.texel), 1.0))
+    level = min(max(math.floor(apart + 0.25 - finer), 0), _LEVELS - 1)
+    return what.levels[level], what.texel * 2**level
+
+
+def blur_kernel(blur: Array) -> Plane:
     """Return the kernel (n, n) of sum 1 of a Gaussian of variances (3,) xx, xy, yy, px^2, in samples."""
     xx, xy, yy = (float(v) * FINE**2 for v in blur)
     reach = min(math.ceil(2.6 * math.sqrt(max(xx, yy))), _MOST_KERNEL // 2)

@@ -1,0 +1,292 @@
+"""The whole print registered to a picture: the pad's pose from every pixel of ring, H, tag and board.
+
+The print is drawn as a camera at a pose would see it, blurred and lit, and compared with the picture in linear light:
+
+    I(u) = w c(u) + (a X + b Y) (c - d - e)(u) - k d(u) - r e(u) + sum_s g_s (1 - c(u)),
+    c, d, e = blur * (coverage, darkness, the ring's darkness)(P(u; T))
+
+P takes a pixel along its ray to the print's plane. Gauss-Newton steps over the pose T, the blur's three variances, white
+w with its slope (a, b), black k and the ring r below white and the ground's light g on four sides find the least weighted squares,
+with Tukey's weights for what the print does not explain (Lucas and Kanade, 1981; Baker and Matthews, 2004).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from landtool.camera import Camera
+from landtool.geometry import Array, Pose
+from landtool.pad import PadSpec
+from landtool.target.patch import Patch, cut_patch, on_print
+from landtool.target.print_model import FINE, Plane, Print, blur_kernel, print_of, texture_level, to_pixels
+from landtool.tone import Tone
+from landtool.types import Image
+
+_MOST_SIDE_PX = 84.0  # of the board in the patch
+_LEAST_PIXELS = 40
+_LEAST_COVER = 0.35  # of a pixel by the board, to take part
+_STEPS, _LEAST_STEPS = 10, 3  # blur and light need more than one
+_STOP = 0.004  # of the pad's radius in the picture: the next step would be several times smaller
+_LONGEST_STEP = 0.3
+_TUKEY = 4.5
+_LEAST_SCALE = 0.012  # of white: what no model explains
+_DISC = 1.05  # radii, of what counts for the likeness
+_BLUR, _BLUR_SIGMA = np.array([0.45, 0.0, 0.45]), 0.5
+_LEAST_BLUR, _MOST_BLUR = 0.02, 6.0  # variances, px^2
+_FINER = 0.75
+_GROUND, _LIGHT_SIGMA, _SLOPE_SIGMA = 0.4, 0.3, 0.3
+_N = 18  # pose 6, blur 3, light 9
+
+
+@dataclass(frozen=True, eq=False)
+class Registered:
+    """A pad's pose as the whole print gives it.
+
+    covariance: (6, 6) of (dt, dw): t + dt in m, exp(dw) R in rad, both in the camera frame. likeness: correlation of
+    the fitted print with the pixels within the ring, in [0, 1]. share: weight of the pixels there that agree. residual:
+    robust standard deviation of the pixels about the print, of its contrast. cost: minus log likelihood up to a
+    constant. pixels: that took part. at_rest: whether the last step was small.
+    """
+
+    camera_T_pad: Pose
+    covariance: Array
+    likeness: float
+    share: float
+    residual: float
+    blur_px2: Array
+    cost: float
+    pixels: int
+    at_rest: bool
+
+
+def register_target(
+    image: Image, camera: Camera, start: Pose, pad: PadSpec, tone: Tone = "srgb", *, steps: int = _STEPS,
+    most_px: float = _MOST_SIDE_PX,
+) -> Registered | None:  # fmt: skip
+    """Register the print near a pose that is off by no more than a tenth of the pad's size.
+
+    None where the print is hardly in the picture, leaves it, or turns its back; and for a pad without ring or board.
+    image: (H, W, 3) BGR uint8 of the camera's size.
+    """
+    what = print_of(pad, tone, in_parts=True)
+    if what is None:
+        return None
+    patch = cut_patch(image, camera, start, pad, tone, most_px)
+    return None if patch is None else _Fit(patch, what, pad).run(start, steps)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """The print drawn into a patch: darkness and coverage (h + ., w + ., 3) at its samples; u, v: radii, of pixels."""
+
+    fine: Plane
+    u: Array
+    v: Array
+
+
+class _Fit:
+    """One registration. Parameters: pose 6, blur 3, light 9: white and its slopes, black, ring, ground on four sides."""
+
+    def __init__(self, patch: Patch, what: Print, pad: PadSpec) -> None:
+        assert pad.ring is not None
+        self.patch, self.what = patch, what
+        self.radius_m = pad.ring.outer * pad.diameter_m / 2.0
+        self.seen = patch.light.ravel()
+
+    def run(self, pose: Pose, steps: int) -> Registered | None:
+        blur, light = _BLUR.copy(), None
+        outcome = None
+        for done in range(steps):
+            plane_z = pose.rotation[:, 2]
+            if pose.translation[2] <= 0.0 or plane_z @ pose.translation >= 0.0:
+                return None
+            linear = self._linearise(pose, blur, light)
+            if linear is None:
+                return None
+            light = linear.light
+            step, moved = linear.step, linear.moved
+            outcome = self._outcome(pose, blur, linear)
+            if moved < _STOP and done + 1 >= _LEAST_STEPS:
+                break
+            shorter = min(1.0, _LONGEST_STEP / moved)
+            pose, blur = pose.perturbed(shorter * step[:6]), _limited(blur + shorter * step[6:9])
+            light = light + shorter * step[9:]
+        return outcome
+
+    def _linearise(self, pose: Pose, blur: Array, light: Array | None) -> _Linear | None:
+        fine = self._draw(pose, blur)
+        flat = to_pixels(np.ascontiguousarray(fine[1:-1, 1:-1]))
+        index = np.flatnonzero(flat[:, :, 1] > _LEAST_COVER)
+        if len(index) < _LEAST_PIXELS:
+            return None
+        dark, cover, ring = flat.reshape(-1, 3)[index].astype(np.float64).T
+        x, y = (plane.ravel()[index].astype(np.float64) for plane in self.patch.middle)
+        px, py = on_print((x, y), pose)  # type: ignore[arg-type]
+        u, v = -py / self.radius_m, -px / self.radius_m
+        lights = _lights(u, v, dark, cover, ring)
+        seen = self.seen[index].astype(np.float64)
+        if light is None:
+            light = _first_light(lights, seen, cover)
+        white, black = float(light[0]), float(light[3])
+        if not (white > 1e-3 and black > 1e-3):
+            return None
+        slopes = _slopes(fine, light, index)
+        pose_rows = self._moves(pose, x, y, px, py, slopes[:2])
+        jacobian = np.concatenate([pose_rows, slopes[2:], lights])
+        model = light @ lights
+        left = seen - model
+        base = cover**2 / (0.15 + 0.85 * np.clip(model / white, 0.0, 1.2))
+        weighed = np.abs(left) * np.sqrt(base)
+        scale = max(1.4826 * float(np.median(weighed)), _LEAST_SCALE * white)
+        agree = np.maximum(1.0 - base * (left / (_TUKEY * scale)) ** 2, 0.0) ** 2
+        weight = base * agree
+        weighted = jacobian * weight
+        prior, pull = _prior(blur, light)
+        information = weighted @ jacobian.T + np.diag(prior) * scale**2
+        step = _solved(information, weighted @ left + pull * scale**2)
+        if step is None:
+            return None
+        radius_px = self.radius_m * math.sqrt(abs(np.linalg.det(self.patch.px_by_flat))) / float(pose.translation[2])
+        motion = self._motion_px(pose, step[:6])
+        disc = u**2 + v**2 < _DISC**2
+        share = float(weight[disc].sum()) / max(float(base[disc].sum()), 1e-9)
+        rho = np.minimum(base * (left / scale) ** 2, _TUKEY**2)
+        return _Linear(
+            light, step, motion / radius_px, information, scale, share,
+            _correlation(model[disc], seen[disc]), float(rho.sum()) / 2.0, len(index),
+        )  # fmt: skip
+
+    def _draw(self, pose: Pose, blur: Array) -> Plane:
+        """Return darkness and coverage (h f + 2, w f + 2, 3)."""
+        samples_per_radius = (
+            FINE * self.radius_m * math.sqrt(abs(np.linalg.det(self.patch.px_by_flat))) / float(pose.translation[2])
+        )
+        texture, texel = texture_level(self.what, samples_per_radius, _FINER)
+        x, y = on_print(self.patch.fine, pose)
+        to_texel = np.float32(-1.0 / (self.radius_m * texel))
+        middle = np.float32(len(texture) / 2.0 - 0.5)
+        sharp = cv2.remap(
+            texture, y * to_texel + middle, x * to_texel + middle, cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT, borderValue=(0, 0, 0),
+        )  # fmt: skip
+        padded = cv2.copyMakeBorder(sharp, 1, 1, 1, 1, cv2.BORDER_REPLICATE)
+        return np.asarray(cv2.filter2D(padded, -1, blur_kernel(blur), borderType=cv2.BORDER_REPLICATE), np.float32)
+
+    def _moves(self, pose: Pose, x: Array, y: Array, px: Array, py: Array, slopes: Array) -> Array:
+        """Return how the picture changes (6, N) by a left perturbation (dt, dw) of the pose."""
+        # a print moved by d is seen changed by -gradient . d
+        ((a, b), (c, d)) = self.patch.px_by_flat
+        by_x, by_y = -(slopes[0] * a + slopes[1] * c), -(slopes[0] * b + slopes[1] * d)
+        rx, ry = pose.rotation[:, 0], pose.rotation[:, 1]
+        qx, qy, qz = (rx[i] * px + ry[i] * py for i in range(3))
+        by_z = 1.0 / (qz + pose.translation[2])
+        gx, gy = by_x * by_z, by_y * by_z
+        gz = -(gx * x + gy * y)
+        # g . (dw x q) = dw . (q x g)
+        return np.stack([gx, gy, gz, qy * gz - qz * gy, qz * gx - qx * gz, qx * gy - qy * gx])
+
+    def _motion_px(self, pose: Pose, step: Array) -> float:
+        """Return how far the ring moves by a step, patch pixels, at the most."""
+        angle = np.arange(8) * (np.pi / 4.0)
+        rim = self.radius_m * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(8)])
+        q = rim @ pose.rotation.T
+        seen = q + pose.translation
+        moved = seen + step[:3] + np.cross(step[3:], q)
+        flat = moved[:, :2] / np.maximum(moved[:, 2:], 1e-6) - seen[:, :2] / seen[:, 2:]
+        return float(np.abs(flat @ self.patch.px_by_flat.T).max())
+
+    def _outcome(self, pose: Pose, blur: Array, linear: _Linear) -> Registered:
+        covariance = np.linalg.inv(linear.information)[:6, :6] * linear.scale**2
+        return Registered(
+            pose, covariance, linear.likeness, linear.share, linear.scale / float(linear.light[3]),
+            blur * self.patch.shrink**2, linear.cost, linear.pixels, linear.moved < 5.0 * _STOP,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Linear:
+    light: Array
+    step: Array
+    moved: float
+    information: Array
+    scale: float
+    share: float
+    likeness: float
+    cost: float
+    pixels: int
+
+
+def _lights(u: Array, v: Array, dark: Array, cover: Array, ring: Array) -> Array:
+    """Return how the light adds up (9, N): white, its slopes along u and v, black, ring, ground on four sides."""
+    side = np.where(np.abs(u) > np.abs(v), np.where(u > 0.0, 0, 1), np.where(v > 0.0, 2, 3))
+    lights = np.zeros((9, len(u)))
+    bright = cover - dark - ring
+    lights[:5] = cover, bright * u, bright * v, -dark, -ring
+    lights[5 + side, np.arange(len(u))] = 1.0 - cover
+    return lights
+
+
+def _first_light(lights: Array, seen: Array, cover: Array) -> Array:
+    white = float(np.percentile(seen, 85))
+    weights = cover / (0.2 + 0.8 * np.clip(seen / max(white, 1e-6), 0.0, 1.2))
+    weak = np.diag([1e-6, 1e3, 1e3, 1e-6, 1e-6, 0.5, 0.5, 0.5, 0.5])  # the slopes wait until the print is in its place
+    right = (lights * weights) @ seen
+    right[5:] += 0.5 * _GROUND * white
+    return np.asarray(np.linalg.solve((lights * weights) @ lights.T + weak, right))
+
+
+def _slopes(fine: Plane, light: Array, index: NDArray[np.int64]) -> Array:
+    """Return how the picture changes (5, N): along x and y, and with the blur's variances along x, mixed, and y."""
+    ground = float(light[5:].mean())
+    weights = np.array([[-light[3], light[0] - ground, -light[4]]], np.float32)
+    all_ = np.asarray(cv2.transform(fine, weights), np.float32)
+    mid, f = all_[1:-1, 1:-1], FINE
+    left, right, up, down = all_[1:-1, :-2], all_[1:-1, 2:], all_[:-2, 1:-1], all_[2:, 1:-1]
+    mixed = all_[2:, 2:] - all_[2:, :-2] - all_[:-2, 2:] + all_[:-2, :-2]
+    # a blurred picture changes with its variance by half its second derivative
+    planes = [(right - left) * (f / 2), (down - up) * (f / 2)]
+    planes += [(right + left - 2 * mid) * (f * f / 2), mixed * (f * f / 4), (down + up - 2 * mid) * (f * f / 2)]
+    return np.stack([to_pixels(np.asarray(plane, np.float32)).ravel()[index] for plane in planes]).astype(np.float64)
+
+
+def _prior(blur: Array, light: Array) -> tuple[Array, Array]:
+    """Return the information (18,) of what is thought before, and its pull (18,) on the step from here."""
+    white = float(light[0])
+    weak = (_LIGHT_SIGMA * white) ** -2
+    prior = np.repeat([0.0, _BLUR_SIGMA**-2, weak, (_SLOPE_SIGMA * white) ** -2, weak], (6, 3, 1, 2, 6))
+    prior[9] = prior[12] = prior[13] = 1e-9
+    pull = np.zeros(_N)
+    pull[6:9] = (_BLUR - blur) * prior[6:9]
+    pull[10:12] = -light[1:3] * prior[10:12]
+    pull[14:] = (_GROUND * white - light[5:]) * prior[14:]
+    return prior, pull
+
+
+def _limited(blur: Array) -> Array:
+    xx, xy, yy = blur
+    values, vectors = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
+    limited = (vectors * np.clip(values, _LEAST_BLUR, _MOST_BLUR)) @ vectors.T
+    return np.array([limited[0, 0], limited[0, 1], limited[1, 1]])
+
+
+def _solved(information: Array, gradient: Array) -> Array | None:
+    """Solve the normal equations, scaled to a unit diagonal as their entries span many decades."""
+    d = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scaled = information * np.outer(d, d)
+    try:
+        step = d * np.linalg.solve(scaled + 1e-9 * np.eye(len(d)), d * gradient)
+    except np.linalg.LinAlgError:
+        return None
+    return step if np.isfinite(step).all() else None
+
+
+def _correlation(a: Array, b: Array) -> float:
+    if len(a) < 2:
+        return 0.0
+    a, b = a - a.mean(), b - b.mean()
+    return min(max(float(a @ b) / math.sqrt(max(float(a @ a) * float(b @ b), 1e-12)), 0.0), 1.0)
