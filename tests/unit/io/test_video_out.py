@@ -6,6 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
+import cv2
 import numpy as np
 import pytest
 
@@ -18,13 +19,15 @@ from tests.conftest import HEIGHT, WIDTH, picture, pictured
 from tests.limits import files_of_at_most
 from tests.shared import ROOT, shared_data
 
+FIXTURES = ROOT / "datasets" / "fixtures"
+
 VARIABLE = [0, 1, 3, 4, 9, 10, 30, 31, 33, 60]  # multiples of a step
 
 
 def _write(
-    path: Path, times_ns: list[int] | list[None], time_base: Fraction | None, **options: Fraction
+    path: Path, times_ns: list[int] | list[None], time_base: Fraction | None, *, fps: Fraction | None = None
 ) -> VideoWriter:
-    with VideoWriter(path, WIDTH, HEIGHT, time_base, **options) as writer:
+    with VideoWriter(path, WIDTH, HEIGHT, time_base, fps=fps) as writer:
         for index, t_ns in enumerate(times_ns):
             writer.write(picture(index), t_ns)
     return writer
@@ -145,11 +148,12 @@ def test_it_is_what_every_player_takes(tmp_path: Path) -> None:
     assert b"moof" not in kinds
 
 
+@pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("size", [(97, 64), (96, 63), (97, 63)])
-def test_odd_sides_are_padded_by_the_edge(size: tuple[int, int], tmp_path: Path) -> None:
+def test_odd_sides_are_padded_by_the_edge(size: tuple[int, int], quick: bool, tmp_path: Path) -> None:
     width, height = size
     ramp = np.repeat(np.tile(np.linspace(0, 255, width).astype(np.uint8), (height, 1))[:, :, None], 3, axis=2)
-    with VideoWriter(tmp_path / "o.mp4", width, height, fps=Fraction(25)) as writer:
+    with VideoWriter(tmp_path / "o.mp4", width, height, fps=Fraction(25), quick=quick) as writer:
         writer.write(ramp, None)
     image = _read(tmp_path / "o.mp4")[0].image
     assert image.shape == (height + height % 2, width + width % 2, 3)
@@ -158,11 +162,28 @@ def test_odd_sides_are_padded_by_the_edge(size: tuple[int, int], tmp_path: Path)
     assert any("padded" in note for note in writer.notes)
 
 
+@pytest.mark.parametrize("quick", [False, True])
 @pytest.mark.parametrize("bgr", [(255, 0, 0), (0, 255, 0), (0, 0, 255), (128, 128, 128), (28, 25, 215), (0, 0, 0)])
-def test_colours_come_back(bgr: tuple[int, int, int], tmp_path: Path) -> None:
-    with VideoWriter(tmp_path / "o.mp4", WIDTH, HEIGHT, fps=Fraction(25)) as writer:
+def test_colours_come_back(bgr: tuple[int, int, int], quick: bool, tmp_path: Path) -> None:
+    with VideoWriter(tmp_path / "o.mp4", WIDTH, HEIGHT, fps=Fraction(25), quick=quick) as writer:
         writer.write(np.full((HEIGHT, WIDTH, 3), bgr, np.uint8), None)
     assert np.abs(_read(tmp_path / "o.mp4")[0].image.astype(int) - bgr).max() <= 3
+
+
+def test_quick_pictures_are_as_good_and_little_larger(tmp_path: Path) -> None:
+    frames = [frame.image for frame in VideoSource(FIXTURES / "approach.mp4") if isinstance(frame, Frame)][:40]
+    height, width = frames[0].shape[:2]
+    psnr, size = {}, {}
+    for quick in (False, True):
+        path = tmp_path / f"{quick}.mp4"
+        with VideoWriter(path, width, height, fps=Fraction(30), quick=quick) as writer:
+            for image in frames:
+                writer.write(image, None)
+        back = [frame.image for frame in VideoSource(path) if isinstance(frame, Frame)]
+        psnr[quick] = np.mean([cv2.PSNR(image, seen) for image, seen in zip(frames, back, strict=True)])
+        size[quick] = path.stat().st_size
+    assert psnr[True] > psnr[False] - 0.3
+    assert size[True] < 1.3 * size[False]
 
 
 def test_pictures_of_another_size_are_scaled_and_counted(tmp_path: Path) -> None:
