@@ -63,7 +63,7 @@ class VideoSink(ManagedSink):
 
     def _start(self, width: int, height: int) -> VideoWriter:
         temporary = self._stack.enter_context(atomic_path(self._path))
-        return self._stack.enter_context(VideoWriter(temporary, width, height, self._setup.time_base))
+        return self._stack.enter_context(VideoWriter(temporary, width, height, self._setup.time_base, quick=True))
 
     def _take_notes(self) -> None:
         if self._writer is not None:
