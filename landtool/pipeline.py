@@ -15,36 +15,69 @@ from landtool.types import Frame, FrameResult, LostFrame
 
 SMALLEST_PX = 16  # of a picture's side: the AprilTag library crashes on two pixels and reads nothing on 12
 TOO_SMALL = "the picture is too small to show a tag"
-_UNREAD = TagReading((), None, "frame", TOO_SMALL)
+
+
+class Finder(Protocol):
+    """What finds and measures the pads of a frame: `landtool.landing.finder.PadFinder`, or the paper's way."""
+
+    def find(
+        self,
+        frame: Frame,
+        clear: Callable[[], Frame],
+        stage: Stage,
+        expected: Sequence[ExpectedPad],
+        world_T_body: Pose | None,
+    ) -> Found:
+        """Look at one frame. clear: gives it without its haze. expected: where the tracks' pads should be."""
+        ...
+
+    def keep(self, found: Found, taken: Sequence[int | None], living: Sequence[int]) -> None:
+        """Take in which track each found pad went to, None for none, and which tracks live."""
+        ...
 
 
 def process(
-    frames: Iterable[Frame | LostFrame], *, tags: TagStage, tracker: PlatformTracker, dehazer: DehazeStage | None = None
+    frames: Iterable[Frame | LostFrame],
+    *,
+    finder: Finder,
+    switch: StageSwitch,
+    tracker: PlatformTracker,
+    body_T_camera: Pose,
+    dehazer: DehazeStage | None = None,
 ) -> Iterator[tuple[Frame | LostFrame, FrameResult]]:
     """Yield every frame with its result, in order; memory does not grow with their number.
 
-    A damaged picture is measured like any other, the tracker's gate and `status` guard against what it shows; a lost
-    frame lets the track coast. Tags are read in the picture as it is, and where it is hazy and none is read, in the
-    dehazed one.
+    What the tracks expect says how high the drone is, the height which stage the frame belongs to, and both where is
+    looked for what; the poses that are found go into the tracks. A damaged picture is measured like any other, the
+    tracker's gate and `status` guard against what it shows; a lost frame lets the tracks coast.
     """
+    main = MainTrack()
     for frame in frames:
         if isinstance(frame, LostFrame):
-            tracks, said = tracker.step(frame.t_ns, None)
-            reason = _joined(frame.reason, said)
-            yield frame, FrameResult(frame.index, frame.t_ns, frame.file, "damaged", reason, tracks=tracks)
+            stepped = tracker.step(frame.t_ns, ())
+            reason = _joined(frame.reason, stepped.said)
+            yield frame, FrameResult(frame.index, frame.t_ns, frame.file, "damaged", reason, tracks=stepped.tracks)
             continue
         began = time.perf_counter()
-        air, clear = _through_haze(frame, dehazer)
+        view = _View(frame, dehazer)
         start = time.perf_counter()
-        small = min(frame.image.shape[:2]) < SMALLEST_PX
-        world_T_body = tracker.world_T_body(frame.t_ns)
-        reading = _UNREAD if small else tags.read(frame, world_T_body)
-        if clear is not frame and not reading.tags and not small:
-            reading = tags.read(clear, world_T_body)
-        read = time.perf_counter()
-        tracks, said = tracker.step(frame.t_ns, reading.pose)
-        body_T_pad, world_T_pad = tracker.placed(frame.t_ns, reading.pose)
-        tracked = time.perf_counter()
+        world_T_body, expected = tracker.world_T_body(frame.t_ns), tracker.expected(frame.t_ns)
+        height_m = _height_m(expected, body_T_camera, world_T_body)
+        stage = switch.at(height_m)
+        if min(frame.image.shape[:2]) < SMALLEST_PX:
+            found = Found(search="frame", reason=TOO_SMALL)
+        else:
+            found = finder.find(frame, view.clear, stage, expected, world_T_body)
+        looked = time.perf_counter()
+        poses = tuple(pad.pose for pad in found.pads)
+        stepped = tracker.step(frame.t_ns, poses)
+        finder.keep(found, stepped.taken, tuple(track.track_id for track in stepped.tracks))
+        pose, others = main.of(poses, stepped.taken, stepped.tracks)
+        body_T_pad, world_T_pad = tracker.placed(frame.t_ns, pose)
+        if pose is not None:
+            height_m = altitude_m(body_T_camera, pose.camera_T_pad, world_T_body)
+        seconds = view.seconds(start - began) | dict(found.seconds)
+        tracked = time.perf_counter() - looked
         yield (
             frame,
             FrameResult(
@@ -52,17 +85,21 @@ def process(
                 frame.t_ns,
                 frame.file,
                 frame.status,
-                _joined(frame.damage, reading.reason, said),
-                haze=None if air is None else air.haze,
-                dehazed=clear is not frame,
-                stage="near",
-                search=reading.search,
-                tags=reading.tags,
-                pose=reading.pose,
+                _joined(frame.damage, switch.note, found.reason, stepped.said),
+                haze=view.haze,
+                dehazed=view.was_dehazed,
+                stage=stage,
+                search=found.search,
+                detections=found.detections,
+                tags=found.tags,
+                pose=pose,
+                other_poses=others,
+                altitude_m=height_m,
+                world_T_body=world_T_body,
                 body_T_pad=body_T_pad,
                 world_T_pad=world_T_pad,
-                tracks=tracks,
-                stage_seconds=_dehaze_time(air, start - began) | {"tags": read - start, "track": tracked - read},
+                tracks=stepped.tracks,
+                stage_seconds=seconds | {"track": tracked},
             ),
         )
 

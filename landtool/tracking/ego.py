@@ -28,16 +28,37 @@ class EgoTrajectory:
 
     def at(self, t_ns: int) -> Pose | None:
         """Return `world_T_body` at a time; None before the first pose, after the last, and inside a gap."""
+        place = self._place(t_ns)
+        if place is None:
+            return None
+        before, part = place
+        if part == 0.0:
+            return self._pose(before)
+        return _between(self._pose(before), self._pose(before + 1), part)
+
+    def noise_share(self, t_ns: int) -> float:
+        """Return the variance of the pose at a time over that of a measured one; 1 where no pose is known."""
+        place = self._place(t_ns)
+        # of (1 - u) a + u b, the noise of a and b independent
+        return 1.0 if place is None else (1.0 - place[1]) ** 2 + place[1] ** 2
+
+    @property
+    def span_ns(self) -> tuple[int, int]:
+        """The times of the first pose and of the last."""
+        return int(self.poses.t_ns[0]), int(self.poses.t_ns[-1])
+
+    def _place(self, t_ns: int) -> tuple[int, float] | None:
+        """Return the last pose no later than a time, and the part of the way to the next; None where none is known."""
         stamps = self.poses.t_ns
         after = int(np.searchsorted(stamps, t_ns))
         if after < len(stamps) and stamps[after] == t_ns:
-            return self._pose(after)
+            return after, 0.0
         if after in (0, len(stamps)):
             return None
         start_ns, end_ns = int(stamps[after - 1]), int(stamps[after])
         if end_ns - start_ns > self.max_gap_s * 1e9:
             return None
-        return _between(self._pose(after - 1), self._pose(after), (t_ns - start_ns) / (end_ns - start_ns))
+        return after - 1, (t_ns - start_ns) / (end_ns - start_ns)
 
     def _pose(self, index: int) -> Pose:
         return Pose.from_quaternion(self.poses.positions_m[index], self.poses.quaternions_wxyz[index])

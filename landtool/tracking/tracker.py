@@ -6,155 +6,110 @@ measured. It ends after `coast_s` without a measurement; the next measurement be
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
 
-import numpy as np
-
-from landtool.errors import UsageError
 from landtool.geometry import Array
-from landtool.tracking import kalman
-from landtool.tracking.kalman import Innovation, KalmanState
-from landtool.types import Reference, Track, TrackState
+from landtool.tracking import kalman, mixture
+from landtool.tracking.config import BOUNDS, MeasurementModel, TrackerConfig
+from landtool.tracking.kalman import Innovation
+from landtool.tracking.measurement import PlanarMeasurement
+from landtool.tracking.motion import motion_of
+from landtool.tracking.report import report
+from landtool.tracking.target import Target
+from landtool.tracking.vertical import Vertical
+from landtool.types import Reference, Track
 
-MeasurementModel = Literal["position", "paper"]
+__all__ = ["BOUNDS", "Expected", "MeasurementModel", "PlanarMeasurement", "Tracker", "TrackerConfig"]
 
-# The least and the most each number of a TrackerConfig may be
-BOUNDS: dict[str, tuple[float, float]] = {
-    "accel_sigma_mps2": (1e-3, 1e3),
-    "init_velocity_sigma_mps": (1e-3, 1e3),
-    "gate_probability": (0.5, 0.999999),
-    "confirm_hits": (1, 1000),
-    "confirm_window": (1, 1000),
-    "replace_hits": (1, 1000),
-    "coast_s": (0.0, 3600.0),
-    "backward_s": (0.0, 3600.0),
-    "horizon_s": (0.0, 60.0),
-    "ego_position_sigma_m": (0.0, 100.0),
-    "ego_attitude_sigma_deg": (0.0, 90.0),
-}
-
-
-@dataclass(frozen=True)
-class TrackerConfig:
-    """How the platform is expected to move, and when a track is believed. Raises UsageError outside `BOUNDS`."""
-
-    # sigma of the platform's acceleration, a new random value at every step (the drone's own, too, in the body frame)
-    accel_sigma_mps2: float = 2.0
-    # sigma of the velocity of a track seen once: the faster, the more its second measurement may differ
-    init_velocity_sigma_mps: float = 5.0
-    # share of the right measurements that pass the gate on the normalised innovation squared
-    gate_probability: float = 0.999
-    # a tentative track is confirmed by so many measurements ...
-    confirm_hits: int = 3
-    # ... in so many frames, and dropped when it cannot get them any more
-    confirm_window: int = 5
-    # a confirmed track that is not measured any more gives way to a confirmed newer one of so many measurements
-    replace_hits: int = 5
-    # a track ends when its last measurement is longer ago than this
-    coast_s: float = 2.0
-    # a clock that steps back by no more than this stands still; by more, all tracks end
-    backward_s: float = 0.1
-    # how far ahead the place of the platform is predicted
-    horizon_s: float = 0.5
-    # how far the drone's own poses are off from frame to frame, where it is known: each direction, each axis
-    ego_position_sigma_m: float = 0.01
-    # the same of its attitude, which counts more the farther away the pad is
-    ego_attitude_sigma_deg: float = 0.1
-    # what counts as measured: the position, or the paper's position and velocity made of two positions
-    measurement: MeasurementModel = "position"
-
-    def __post_init__(self) -> None:
-        for name, (low, high) in BOUNDS.items():
-            if not low <= getattr(self, name) <= high:
-                raise UsageError(f"{name} = {getattr(self, name)} is outside {low:g} to {high:g}")
-        if self.confirm_hits > self.confirm_window:
-            reason = f"confirm_hits = {self.confirm_hits} can never be reached in {self.confirm_window} frames"
-            raise UsageError(reason, hint="raise confirm_window")
-        if self.measurement not in get_args(MeasurementModel):
-            known = ", ".join(get_args(MeasurementModel))
-            raise UsageError(f"unknown measurement '{self.measurement}'", hint=f"known: {known}")
+_MOMENTS_KEPT = 256  # a clock that stands still keeps no more than this of what may have to be done again
 
 
 @dataclass(frozen=True, eq=False)
-class PlanarMeasurement:
-    """Where the platform was measured: xy_m (2,) in the reference frame, covariance (2, 2) in m^2.
+class Expected:
+    """Where a living track would be measured: xy_m (2,), covariance (2, 2) in m^2, z_m, all in the reference frame.
 
-    Raises ValueError for values that are not finite, or a covariance that is not positive definite.
+    hit_ns: when it was measured last.
     """
 
+    track_id: int
+    confirmed: bool
+    hit_ns: int
     xy_m: Array
     covariance: Array
-
-    def __post_init__(self) -> None:
-        xy_m = np.array(self.xy_m, dtype=np.float64).reshape(2)
-        covariance = np.array(self.covariance, dtype=np.float64).reshape(2, 2)
-        if not (np.isfinite(xy_m).all() and np.isfinite(covariance).all()):
-            raise ValueError("a measured position or its covariance is not finite")
-        if np.linalg.eigvalsh(covariance)[0] <= 0:
-            raise ValueError("the covariance of a measured position is not positive definite")
-        object.__setattr__(self, "xy_m", xy_m)
-        object.__setattr__(self, "covariance", 0.5 * (covariance + covariance.T))
+    z_m: float
 
 
 @dataclass(frozen=True, eq=False)
-class _Target:
-    """One track between two steps. hits: of the last `confirm_window` frames, whether each measured it."""
+class _Moment:
+    """A step that may have to be done again: what came in, and all there was before it.
 
-    track_id: int
-    state: KalmanState
-    born_ns: int
-    hit_ns: int
-    last: PlanarMeasurement
-    hits: tuple[bool, ...] = (True,)
-    hit_count: int = 1
-    confirmed: bool = False
-    nis: float | None = None
+    numbers: of the tracks that the measurements began, None for those that began none.
+    """
 
-    @property
-    def status(self) -> TrackState:
-        if not self.confirmed:
-            return "tentative"
-        return "confirmed" if self.hits[-1] else "coasting"
+    t_ns: int
+    measurements: tuple[PlanarMeasurement, ...]
+    targets: tuple[Target, ...]
+    before_ns: int | None
+    numbers: tuple[int | None, ...]
 
 
 class Tracker:
     """Follows platforms in one reference frame. Numbers of tracks grow and are never used twice by one tracker.
 
-    note: what happened in the last step that a log should hold (a clock that stepped back, a track replaced), or "".
+    since_ns: from when on the drone's own place has drifted. note: what happened in the last step that a log should
+    hold (a clock that stepped back, a track replaced), or "". taken: the number of the track that each of its
+    measurements went to.
     """
 
-    def __init__(self, config: TrackerConfig, reference: Reference) -> None:
+    def __init__(self, config: TrackerConfig, reference: Reference, since_ns: int | None = None) -> None:
         self.config = config
         self.reference = reference
         self.note = ""
-        self._targets: list[_Target] = []
+        self.taken: tuple[int, ...] = ()
+        self.motion = motion_of(config, reference)
+        self._since_ns = since_ns
+        self._targets: tuple[Target, ...] = ()
         self._now_ns: int | None = None
         self._next_id = 1
+        self._past: deque[_Moment] = deque(maxlen=_MOMENTS_KEPT)
 
-    def step(self, t_ns: int, measurements: Sequence[PlanarMeasurement]) -> tuple[Track, ...]:
-        """Advance to `t_ns`, take in what was measured then, and return the tracks that live, oldest first.
+    def step(self, t_ns: int, measurements: Sequence[PlanarMeasurement], lead_s: float = 0.0) -> tuple[Track, ...]:
+        """Take in what was measured at `t_ns` and return the tracks that live `lead_s` later, oldest first.
 
-        A repeated stamp, or one no more than `backward_s` back, is one more look at the same moment: measurements
-        update, nothing is predicted. A clock further back ends all tracks, and `note` says so.
+        A repeated stamp is one more look at the same moment. One no more than `backward_s` back is put in at its right
+        place: what came after it is done again, and its own tracks are as of its time. A clock further back ends all
+        tracks, and `note` says so.
         """
         self.note = ""
-        dt_s = self._advance(t_ns)
-        predicted = [self._predict(target, dt_s) for target in self._targets if not self._expired(target)]
-        pairs = self._associate(predicted, measurements)
-        targets = [
-            self._hit(target, measurements[pairs[i]]) if i in pairs else self._miss(target)
-            for i, target in enumerate(predicted)
-        ]
-        used = set(pairs.values())
-        targets += [self._begin(m) for i, m in enumerate(measurements) if i not in used]
-        self._targets = self._without_replaced([target for target in targets if self._may_live(target)])
-        return tuple(self._report(target) for target in self._targets)
+        later = self._rewound(t_ns)
+        self.taken = self._take(t_ns, tuple(measurements))
+        tracks = tuple(report(target, self.motion, self.config, self.reference, lead_s) for target in self._targets)
+        if later:
+            note, taken = self.note, self.taken
+            for moment in later:
+                self._take(moment.t_ns, moment.measurements, moment.numbers)
+            self.note, self.taken = note, taken
+        return tracks
+
+    def expected(self, t_ns: int) -> tuple[Expected, ...]:
+        """Return where each living track would be measured at a time; one before the last step is that step's."""
+        if self._now_ns is None:
+            return ()
+        dt_s = max(0.0, (t_ns - self._now_ns) * 1e-9)
+        living = [target for target in self._targets if (t_ns - target.hit_ns) * 1e-9 <= self.config.coast_s]
+        return tuple(self._expected(target, dt_s) for target in living)
+
+    @property
+    def living(self) -> frozenset[int]:
+        """The numbers of the tracks that live."""
+        return frozenset(target.track_id for target in self._targets)
 
     def reset(self) -> None:
         """End all tracks and forget the time, as before another recording."""
-        self._targets, self._now_ns = [], None
+        self._targets, self._now_ns = (), None
+        self._past.clear()
 
     @property
     def _now(self) -> int:
@@ -162,30 +117,82 @@ class Tracker:
             raise RuntimeError("the tracker has no time before its first step")
         return self._now_ns
 
-    def _advance(self, t_ns: int) -> float:
-        """Move the clock and return the seconds it went forward."""
-        if self._now_ns is not None and t_ns < self._now_ns:
-            back_s = (self._now_ns - t_ns) * 1e-9
-            if back_s <= self.config.backward_s:
-                return 0.0
+    def _rewound(self, t_ns: int) -> list[_Moment]:
+        """Go back to before what is later than `t_ns`, and return that, to be done again."""
+        if self._now_ns is None or t_ns >= self._now_ns:
+            return []
+        back_s = (self._now_ns - t_ns) * 1e-9
+        if back_s > self.config.backward_s:
             self.note = f"time went back by {back_s:.3f} s: all tracks end"
             self.reset()
-        dt_s = 0.0 if self._now_ns is None else (t_ns - self._now_ns) * 1e-9
-        self._now_ns = t_ns
-        return dt_s
+            return []
+        later = [moment for moment in self._past if moment.t_ns > t_ns]
+        if later:
+            self._targets, self._now_ns = later[0].targets, later[0].before_ns
+        for _ in later:
+            self._past.pop()
+        return later
 
-    def _expired(self, target: _Target) -> bool:
+    def _take(
+        self, t_ns: int, measurements: tuple[PlanarMeasurement, ...], numbers: tuple[int | None, ...] = ()
+    ) -> tuple[int, ...]:
+        """Advance to a time, take in its measurements, and return the numbers of the tracks they went to.
+
+        numbers: of tracks that the measurements began before, when the step is done again.
+        """
+        before, before_ns = self._targets, self._now_ns
+        dt_s = 0.0 if before_ns is None else (t_ns - before_ns) * 1e-9
+        self._now_ns = t_ns
+        predicted = [self._predict(target, dt_s) for target in before if not self._expired(target)]
+        pairs = self._associate(predicted, measurements)
+        targets = [
+            self._hit(target, measurements[pairs[i]]) if i in pairs else target.missed(self.config.confirm_window)
+            for i, target in enumerate(predicted)
+        ]
+        taken: dict[int, int] = {j: predicted[i].track_id for i, j in pairs.items()}
+        new: list[int | None] = list(numbers) or [None] * len(measurements)
+        for j, measurement in enumerate(measurements):
+            if j not in taken:
+                new[j] = self._number(new[j])
+                targets.append(self._begin(measurement, int(new[j] or 0)))
+                taken[j] = targets[-1].track_id
+        self._targets = self._without_replaced([target for target in targets if target.may_live(self.config)])
+        self._keep(_Moment(t_ns, measurements, before, before_ns, tuple(new)))
+        return tuple(taken[j] for j in range(len(measurements)))
+
+    def _keep(self, moment: _Moment) -> None:
+        self._past.append(moment)
+        while (moment.t_ns - self._past[0].t_ns) * 1e-9 > self.config.backward_s:
+            self._past.popleft()
+
+    def _number(self, known: int | None) -> int:
+        if known is not None:
+            return known
+        self._next_id += 1
+        return self._next_id - 1
+
+    def _expired(self, target: Target) -> bool:
         return (self._now - target.hit_ns) * 1e-9 > self.config.coast_s
 
-    def _predict(self, target: _Target, dt_s: float) -> _Target:
-        return replace(target, state=kalman.predict(target.state, dt_s, self.config.accel_sigma_mps2))
+    def _predict(self, target: Target, dt_s: float) -> Target:
+        if dt_s == 0.0:
+            return target
+        belief = mixture.advanced(target.belief, self.motion.step(dt_s))
+        return replace(target, belief=belief, height=target.height.after(dt_s))
 
-    def _associate(self, targets: Sequence[_Target], measurements: Sequence[PlanarMeasurement]) -> dict[int, int]:
+    def _expected(self, target: Target, dt_s: float) -> Expected:
+        height = target.height.after(dt_s)
+        at_height = replace(target.last, z_m=height.z_m)
+        mean, covariance = mixture.collapsed(mixture.advanced(target.belief, self.motion.step(dt_s)))
+        H = self.motion.sight(at_height)
+        return Expected(target.track_id, target.confirmed, target.hit_ns, H @ mean, H @ covariance @ H.T, height.z_m)
+
+    def _associate(self, targets: Sequence[Target], measurements: Sequence[PlanarMeasurement]) -> dict[int, int]:
         """Return which target (index) takes which measurement (index): the nearest in its gate, each used once."""
         candidates = []
         for i, target in enumerate(targets):
             for j, measurement in enumerate(measurements):
-                difference = kalman.innovation(target.state, *self._seen(target, measurement))
+                difference = mixture.compared(target.belief, *self._seen(target, measurement))
                 if difference.nis <= self._gate(difference):
                     # a young track knows little, so everything is near to it: proven ones choose first
                     rank = ("confirmed", "coasting", "tentative").index(target.status)
@@ -199,21 +206,22 @@ class Tracker:
     def _gate(self, difference: Innovation) -> float:
         return kalman.chi2_quantile(self.config.gate_probability, len(difference.y))
 
-    def _seen(self, target: _Target, measurement: PlanarMeasurement) -> tuple[Array, Array, Array]:
+    def _seen(self, target: Target, measurement: PlanarMeasurement) -> tuple[Array, Array, Array]:
         """Return z, H and R of a measurement, as the configured model makes them for this target."""
         dt_s = (self._now - target.hit_ns) * 1e-9
         if self.config.measurement == "position" or dt_s == 0.0:  # no time, no velocity
-            return measurement.xy_m, kalman.H_POSITION, measurement.covariance
+            return measurement.xy_m, self.motion.sight(measurement), measurement.covariance
         last = target.last
         z, R = kalman.paper_measurement(measurement.xy_m, measurement.covariance, last.xy_m, last.covariance, dt_s)
         return z, kalman.H_PAPER, R
 
-    def _hit(self, target: _Target, measurement: PlanarMeasurement) -> _Target:
-        state, difference = kalman.update(target.state, *self._seen(target, measurement))
+    def _hit(self, target: Target, measurement: PlanarMeasurement) -> Target:
+        belief, difference = mixture.updated(target.belief, *self._seen(target, measurement))
         hits = (*target.hits, True)[-self.config.confirm_window :]
         return replace(
             target,
-            state=state,
+            belief=belief,
+            height=target.height.measured(measurement.z_m, measurement.z_variance_m2),
             hit_ns=self._now,
             last=measurement,
             hits=hits,
@@ -222,20 +230,14 @@ class Tracker:
             nis=difference.nis,
         )
 
-    def _miss(self, target: _Target) -> _Target:
-        return replace(target, hits=(*target.hits, False)[-self.config.confirm_window :], nis=None)
-
-    def _begin(self, measurement: PlanarMeasurement) -> _Target:
-        state = kalman.initial(measurement.xy_m, measurement.covariance, self.config.init_velocity_sigma_mps)
-        track_id, self._next_id = self._next_id, self._next_id + 1
+    def _begin(self, measurement: PlanarMeasurement, track_id: int) -> Target:
+        age_s = 0.0 if self._since_ns is None else max(0.0, (self._now - self._since_ns) * 1e-9)
+        belief = self.motion.begin(measurement, age_s)
+        height = Vertical.begun(measurement.z_m, measurement.z_variance_m2)
         confirmed = self.config.confirm_hits == 1
-        return _Target(track_id, state, self._now, self._now, measurement, confirmed=confirmed)
+        return Target(track_id, belief, height, self._now, self._now, measurement, confirmed=confirmed)
 
-    def _may_live(self, target: _Target) -> bool:
-        misses = len(target.hits) - sum(target.hits)
-        return target.confirmed or misses <= self.config.confirm_window - self.config.confirm_hits
-
-    def _without_replaced(self, targets: list[_Target]) -> list[_Target]:
+    def _without_replaced(self, targets: list[Target]) -> tuple[Target, ...]:
         """Drop coasting tracks in whose stead a newer one is measured: they follow a place the platform left.
 
         Only a track begun after the old one's last measurement can be its successor, so two platforms measured side
@@ -243,27 +245,9 @@ class Tracker:
         """
         kept = []
         for old in targets:
-            heirs = [new for new in targets if self._succeeds(new, old)]
+            heirs = [new for new in targets if new.succeeds(old, self.config)]
             if heirs:
                 self.note = f"track {old.track_id} gives way to track {heirs[0].track_id}"
             else:
                 kept.append(old)
-        return kept
-
-    def _succeeds(self, new: _Target, old: _Target) -> bool:
-        proven = new.status == "confirmed" and new.hit_count >= self.config.replace_hits
-        return proven and old.status == "coasting" and new.born_ns > old.hit_ns
-
-    def _report(self, target: _Target) -> Track:
-        state, horizon_s = target.state, self.config.horizon_s
-        ahead = (kalman.transition(horizon_s) @ state.mean)[:2]
-        return Track(
-            target.track_id,
-            target.status,
-            self.reference,
-            state.mean,
-            state.covariance,
-            target.nis,
-            horizon_s,
-            ahead,
-        )
+        return tuple(kept)
