@@ -39,9 +39,10 @@ class DrawnPictures:
 class SinkSetup:
     """What sinks are made from.
 
-    folder: where they write; an output that is there already is refused. tables: which tables, names of
-    `io.tables.TABLES`. overlay: draws the pictures. has_clock: whether frames carry times; without, pictures are
-    written one by one. time_base: the video's own, seconds a tick, None where the source has none.
+    folder: where they write; an output that is there already is refused. recording: the input, for what is said of it.
+    tables: which tables, names of `io.tables.TABLES`. overlay: draws the pictures. has_clock: whether frames carry
+    times; without, pictures are written one by one. time_base: the video's own, seconds a tick, None where the source
+    has none.
     camera_T_reference: the pose of the tracks' reference frame in the camera at a frame, None where it is not known.
     camera, pad, body_T_camera: of the recording, None where they are not known. provenance: what a file that leaves its
     folder says of its making, as texts by name; asked for at the end of the run.
@@ -57,6 +58,7 @@ class SinkSetup:
     pad: PadSpec | None = None
     body_T_camera: Pose | None = None
     provenance: Callable[[], Mapping[str, str]] = dict
+    recording: Path | None = None
 
     @cached_property
     def drawn(self) -> DrawnPictures:

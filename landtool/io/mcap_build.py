@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
@@ -11,35 +11,17 @@ from foxglove_schemas_protobuf.CompressedVideo_pb2 import CompressedVideo
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
 from foxglove_schemas_protobuf.Odometry_pb2 import Odometry
-from foxglove_schemas_protobuf.Pose_pb2 import Pose as ProtoPose
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
-from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
-from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
-from google.protobuf.timestamp_pb2 import Timestamp
-from mcap_protobuf.schema import build_file_descriptor_set
 
 from landtool.camera import Camera
-from landtool.geometry import Pose
+from landtool.geometry import Array, Pose
 from landtool.io.mcap_cdr import CdrWriter
+from landtool.io.mcap_proto import Built, built, definition, proto_pose, rotation, stamp, vector
 from landtool.io.mcap_schemas import ROS2_DEFINITIONS
 from landtool.types import Image
 
 McapSchema = Literal["ros2", "foxglove"]
-_FOXGLOVE: dict[str, Any] = {
-    kind.DESCRIPTOR.full_name: kind
-    for kind in (
-        *(RawImage, CompressedImage, CompressedVideo, CameraCalibration),
-        *(PoseInFrame, FrameTransforms, Odometry),
-    )
-}
-
-
-class Built(NamedTuple):
-    """A message ready to be logged: its type's full name and its bytes."""
-
-    type: str
-    data: bytes
 
 
 class Transform(NamedTuple):
@@ -54,16 +36,16 @@ class Motion(NamedTuple):
     """An odometry: the pose of a body and how it moves.
 
     frame_id: of the world, child_frame_id: of the body. twist: (6,) velocity in m/s along the body's axes, turning in
-    rad/s about them. pose_variances: (6,) of x y z in m2 and of turns about the world's axes in rad2; twist_variances:
-    (6,) of the twist.
+    rad/s about them. pose_covariance: (6, 6) of x y z in m and of turns about the world's axes in rad.
+    twist_covariance: (6, 6) of the twist. What is not known is 0.
     """
 
     frame_id: str
     child_frame_id: str
     pose: Pose
     twist: Sequence[float]
-    pose_variances: Sequence[float]
-    twist_variances: Sequence[float]
+    pose_covariance: Array
+    twist_covariance: Array
 
 
 class Dialect(Protocol):
@@ -142,8 +124,8 @@ class Ros2Dialect:
     def odometry(self, stamp_ns: int, motion: Motion) -> Built:
         """Build a nav_msgs/Odometry."""
         cdr = CdrWriter().stamp_ns(stamp_ns).string(motion.frame_id).string(motion.child_frame_id)
-        cdr.float64s(_xyz_xyzw(motion.pose)).float64s(_diagonal(motion.pose_variances))
-        cdr.float64s(motion.twist).float64s(_diagonal(motion.twist_variances))
+        cdr.float64s(_xyz_xyzw(motion.pose)).float64s(motion.pose_covariance.ravel().tolist())
+        cdr.float64s(motion.twist).float64s(motion.twist_covariance.ravel().tolist())
         return Built("nav_msgs/msg/Odometry", cdr.finish())
 
     def transforms(self, stamp_ns: int, transforms: Sequence[Transform]) -> Built:
@@ -164,64 +146,58 @@ class FoxgloveDialect:
 
     def definition(self, type_name: str) -> bytes:
         """Return a FileDescriptorSet."""
-        descriptors = build_file_descriptor_set(_FOXGLOVE[type_name])
-        return bytes(descriptors.SerializeToString(deterministic=True))
+        return definition(type_name)
 
     def raw_image(self, stamp_ns: int, frame_id: str, image: Image) -> Built:
         """Build a RawImage."""
         height, width = image.shape[:2]
-        message = RawImage(timestamp=_stamp(stamp_ns), frame_id=frame_id, width=width, height=height)
+        message = RawImage(timestamp=stamp(stamp_ns), frame_id=frame_id, width=width, height=height)
         message.encoding, message.step, message.data = "bgr8", 3 * width, image.tobytes()
-        return _built(message)
+        return built(message)
 
     def coded_image(self, stamp_ns: int, frame_id: str, data: bytes, form: str) -> Built:
         """Build a CompressedImage, or a CompressedVideo for h264."""
         kind = CompressedVideo if form == "h264" else CompressedImage
-        return _built(kind(timestamp=_stamp(stamp_ns), frame_id=frame_id, data=data, format=form))
+        return built(kind(timestamp=stamp(stamp_ns), frame_id=frame_id, data=data, format=form))
 
     def calibration(self, stamp_ns: int, frame_id: str, camera: Camera) -> Built:
         """Build a CameraCalibration."""
         model = "kannala_brandt" if camera.model == "equidistant" else camera.model
-        message = CameraCalibration(timestamp=_stamp(stamp_ns), frame_id=frame_id, distortion_model=model)
+        message = CameraCalibration(timestamp=stamp(stamp_ns), frame_id=frame_id, distortion_model=model)
         message.width, message.height = camera.width, camera.height
         message.D.extend(camera.distortion)
         message.K.extend(_k(camera))
         message.R.extend(_R)
         message.P.extend(_p(camera))
-        return _built(message)
+        return built(message)
 
     def pose(self, stamp_ns: int, frame_id: str, pose: Pose) -> Built:
         """Build a PoseInFrame."""
-        place, turn = _proto_parts(pose)
-        where = ProtoPose(position=place, orientation=turn)
-        return _built(PoseInFrame(timestamp=_stamp(stamp_ns), frame_id=frame_id, pose=where))
+        return built(PoseInFrame(timestamp=stamp(stamp_ns), frame_id=frame_id, pose=proto_pose(pose)))
 
     def odometry(self, stamp_ns: int, motion: Motion) -> Built:
         """Build an Odometry."""
-        place, turn = _proto_parts(motion.pose)
-        vx, vy, vz, wx, wy, wz = motion.twist
         message = Odometry(
-            timestamp=_stamp(stamp_ns),
+            timestamp=stamp(stamp_ns),
             frame_id=motion.frame_id,
             body_frame_id=motion.child_frame_id,
-            pose=ProtoPose(position=place, orientation=turn),
-            linear_velocity=Vector3(x=vx, y=vy, z=vz),
-            angular_velocity=Vector3(x=wx, y=wy, z=wz),
-            pose_covariance=_diagonal(motion.pose_variances),
-            velocity_covariance=_diagonal(motion.twist_variances),
+            pose=proto_pose(motion.pose),
+            linear_velocity=vector(motion.twist[:3]),
+            angular_velocity=vector(motion.twist[3:]),
+            pose_covariance=motion.pose_covariance.ravel().tolist(),
+            velocity_covariance=motion.twist_covariance.ravel().tolist(),
         )
-        return _built(message)
+        return built(message)
 
     def transforms(self, stamp_ns: int, transforms: Sequence[Transform]) -> Built:
         """Build a FrameTransforms."""
         message = FrameTransforms()
         for parent, child, pose in transforms:
-            place, turn = _proto_parts(pose)
-            one = FrameTransform(timestamp=_stamp(stamp_ns), parent_frame_id=parent, child_frame_id=child)
-            one.translation.CopyFrom(place)
-            one.rotation.CopyFrom(turn)
+            one = FrameTransform(timestamp=stamp(stamp_ns), parent_frame_id=parent, child_frame_id=child)
+            one.translation.CopyFrom(vector(pose.translation.tolist()))
+            one.rotation.CopyFrom(rotation(pose))
             message.transforms.append(one)
-        return _built(message)
+        return built(message)
 
 
 DIALECTS: dict[McapSchema, type[Dialect]] = {"ros2": Ros2Dialect, "foxglove": FoxgloveDialect}
@@ -241,23 +217,3 @@ def _xyz_xyzw(pose: Pose) -> tuple[float, ...]:
     """Return a pose as ROS orders it: the place, then the quaternion, w last."""
     w, x, y, z = pose.quaternion_wxyz.tolist()
     return (*pose.translation.tolist(), x, y, z, w)
-
-
-def _proto_parts(pose: Pose) -> tuple[Any, Any]:
-    """Return a pose's place and turn as protobuf has them."""
-    x, y, z, qx, qy, qz, qw = _xyz_xyzw(pose)
-    return Vector3(x=x, y=y, z=z), Quaternion(x=qx, y=qy, z=qz, w=qw)
-
-
-def _diagonal(variances: Sequence[float]) -> list[float]:
-    """Return a covariance (6, 6) by rows."""
-    return [float(variances[row]) if row == column else 0.0 for row in range(6) for column in range(6)]
-
-
-def _stamp(stamp_ns: int) -> Timestamp:
-    seconds, nanos = divmod(stamp_ns, 1_000_000_000)
-    return Timestamp(seconds=seconds, nanos=nanos)
-
-
-def _built(message: Any) -> Built:
-    return Built(message.DESCRIPTOR.full_name, message.SerializeToString(deterministic=True))

@@ -11,7 +11,8 @@ from mcap.writer import CompressionType, Writer
 
 from landtool import __version__
 from landtool.errors import UsageError
-from landtool.io.mcap_build import DIALECTS, Built, McapSchema
+from landtool.io.mcap_build import DIALECTS, McapSchema
+from landtool.io.mcap_proto import Built
 
 CHUNK_BYTES = 1 << 20
 STAMP_LIMIT_NS = 2**31 * 1_000_000_000  # a ROS stamp has int32 seconds

@@ -18,8 +18,9 @@ from av.video.reformatter import Interpolation, VideoReformatter
 from landtool.camera import Camera
 from landtool.errors import OutputError, UsageError
 from landtool.geometry import Pose
-from landtool.io.mcap_build import Built, McapSchema, Motion, Transform
+from landtool.io.mcap_build import McapSchema, Motion, Transform
 from landtool.io.mcap_log import McapLog, checked_stamp_ns
+from landtool.io.mcap_proto import Built
 from landtool.types import Frame, Image
 
 McapEncoding = Literal["raw", "jpeg", "png", "h264"]

@@ -135,6 +135,7 @@ def run_recording(request: RunRequest, prepare: Callable[[SourceInfo], RunParts]
             pad=parts.pad,
             body_T_camera=parts.body_T_camera,
             provenance=lambda: provenance(request.command, asdict(config), hashed()),
+            recording=request.path,
         )
         frames = stack.enter_context(closing(prefetch(iter(source), _AHEAD)))
         ahead = stack.enter_context(closing(prefetch(parts.measure(frames), _AHEAD)))

@@ -6,6 +6,8 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
 
+import numpy as np
+
 from landtool.io.mcap_build import Motion, Transform
 from landtool.io.mcap_out import McapImageWriter
 from landtool.io.video_out import VideoWriter
@@ -67,7 +69,7 @@ class LogRecorder(AbstractContextManager["LogRecorder"]):
         own = self._take.odometry(t_ns)
         log.write_pose(POSE_TOPIC, t_ns, own.world_T_body, frame_id=MAP)
         twist = (*own.velocity_mps.tolist(), *own.rate_radps.tolist())
-        spread = own.pose_variances.tolist(), own.twist_variances.tolist()
+        spread = np.diag(own.pose_variances), np.diag(own.twist_variances)
         log.write_odometry(ODOMETRY_TOPIC, t_ns, Motion(MAP, BODY, own.world_T_body, twist, *spread))
         mount = self._take.config.body_T_camera
         tree = ((MAP, BODY, truth.world_T_body), (BODY, CAMERA, mount), (MAP, PAD, truth.world_T_pad))

@@ -223,8 +223,8 @@ MOTION = Motion(
     "base_link",
     Pose.from_quaternion((1.0, 2.0, 3.0), (0.5, 0.5, -0.5, 0.5)),
     (0.1, 0.2, 0.3, 0.4, 0.5, 0.6),
-    (1.0, 2.0, 3.0, 4.0, 5.0, 6.0),
-    (7.0, 8.0, 9.0, 10.0, 11.0, 12.0),
+    np.arange(36.0).reshape(6, 6),
+    np.arange(36.0, 72.0).reshape(6, 6),
 )
 
 
@@ -259,8 +259,8 @@ def test_odometry_as_others_read_it(tmp_path: Path, schema: McapSchema) -> None:
     assert xyz(pose.position) == (1.0, 2.0, 3.0)
     assert wxyz(pose.orientation) == pytest.approx((0.5, 0.5, -0.5, 0.5))
     assert (*xyz(linear), *xyz(angular)) == MOTION.twist
-    assert np.array(covariance).reshape(6, 6).tolist() == np.diag(MOTION.pose_variances).tolist()
-    assert np.array(spread).reshape(6, 6).tolist() == np.diag(MOTION.twist_variances).tolist()
+    assert np.array(covariance).reshape(6, 6).tolist() == MOTION.pose_covariance.tolist()
+    assert np.array(spread).reshape(6, 6).tolist() == MOTION.twist_covariance.tolist()
 
 
 @pytest.mark.parametrize("schema", SCHEMAS)
