@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +28,9 @@ class _View:
     camera: Camera
     camera_T_reference: Pose
 
-    def pixels(self, points_m: Array) -> Array:
-        return self.camera.project(self.camera_T_reference.apply(points_m))
+    def pixels(self, *lines_m: Array) -> list[Array]:
+        """Project some lines (N, 3) at once: most of a projection's time is the same for any number of points."""
+        return _split(self.camera.project(self.camera_T_reference.apply(np.concatenate(lines_m))), lines_m)
 
 
 class Overlay:
@@ -107,15 +109,18 @@ class Overlay:
         return camera.fx * self._diameter_m < 3 * pen.text_px * float(pose.camera_T_pad.translation[2])
 
     def _draw_target(self, image: Image, pen: Pen, camera: Camera, pose: PadPose) -> None:
-        for outline_m in self._outlines[: 1 if self._is_distant(pen, camera, pose) else None]:
-            pen.line(image, camera.project(pose.camera_T_pad.apply(outline_m)), MEASURED, closed=True)
+        outlines = self._outlines[: 1 if self._is_distant(pen, camera, pose) else None]
+        if not outlines:
+            return
+        for line in _View(camera, pose.camera_T_pad).pixels(*outlines):
+            pen.line(image, line, MEASURED, closed=True)
 
     def _draw_axes(self, image: Image, pen: Pen, camera: Camera, pose: PadPose) -> None:
         if self._is_distant(pen, camera, pose):
             return
         along = np.linspace(0.0, 0.42 * self._diameter_m, 6)[:, None]
-        for (name, color), axis in zip(_AXES, np.eye(3), strict=True):
-            line = camera.project(pose.camera_T_pad.apply(along * axis))
+        lines = _View(camera, pose.camera_T_pad).pixels(*(along * axis for axis in np.eye(3)))
+        for (name, color), line in zip(_AXES, lines, strict=True):
             pen.line(image, line, color)
             start, tip = line[0], line[-1]
             # an axis that points at the camera is a dot, and a letter would cover the others
@@ -124,17 +129,18 @@ class Overlay:
 
     def _draw_tracks(self, image: Image, pen: Pen, view: _View, tracks: tuple[Track, ...]) -> None:
         if len(self._trail) > 1:
-            pen.line(image, view.pixels(np.array([place for _, place in self._trail])), TRACKED)
+            (trail,) = view.pixels(np.array([place for _, place in self._trail]))
+            pen.line(image, trail, TRACKED)
         if self._height_m is None:
             return
         for track in tracks:
             now = np.append(track.state[:2], self._height_m)
             later = np.append(track.predicted_xy_m, self._height_m)
-            pen.line(image, view.pixels(np.linspace(now, later, 8)), PREDICTED)
-            pen.line(image, view.pixels(_sigma_ellipse(track, self._height_m)), TRACKED, closed=True)
-            here, there = view.pixels(np.array([now, later]))
-            pen.disc(image, here, 1.5 * pen.line_px, TRACKED)
-            _draw_diamond(image, pen, there)
+            way, ellipse = view.pixels(np.linspace(now, later, 8), _sigma_ellipse(track, self._height_m))
+            pen.line(image, way, PREDICTED)
+            pen.line(image, ellipse, TRACKED, closed=True)
+            pen.disc(image, way[0], 1.5 * pen.line_px, TRACKED)
+            _draw_diamond(image, pen, way[-1])
 
     def _draw_labels(self, image: Image, pen: Pen, result: FrameResult, panel_px: tuple[int, int]) -> None:
         """Write last, so that no line crosses a text."""
@@ -145,6 +151,12 @@ class Overlay:
         for tag in result.tags:
             right, bottom = tag.corners_px.max(axis=0)
             pen.label(image, str(tag.tag_id), right + 3, bottom + pen.text_px + 6, TAG)
+
+
+def _split(points: Array, like: Sequence[Array]) -> list[Array]:
+    """Cut points (N, 2) into lines as long as the given ones."""
+    ends = np.cumsum([len(line) for line in like])
+    return [points[end - len(line) : end] for line, end in zip(like, ends, strict=True)]
 
 
 def main_track(tracks: tuple[Track, ...]) -> Track | None:

@@ -7,6 +7,7 @@ has a dark edge, so it is seen on white paper as well as on asphalt.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import cv2
@@ -30,6 +31,7 @@ VERMILLION: Color = (0, 94, 213)
 PURPLE: Color = (167, 121, 204)  # reddish purple
 
 _SHIFT = 4  # OpenCV draws at sixteenths of a pixel
+_FLAT_PX = 0.1  # what lies this near to a straight line is drawn as one: each corner costs as much as its edges
 _REACH = 8.0  # points farther out than this many image sides are not drawn: their integers would overflow
 Side = Literal["left", "right", "centre"]
 
@@ -57,8 +59,8 @@ class Pen:
     def line(self, image: Image, points_px: Array, color: Color, *, closed: bool = False) -> None:
         """Draw a line through points (N, 2) in place; it is broken where a point is NaN or far outside."""
         for run in _drawable_runs(points_px, self.width, self.height, closed):
-            points = [np.round(run * (1 << _SHIFT)).astype(np.int32)]
             whole = closed and len(run) == len(points_px)
+            points = [_fixed_point(run, closed=whole)]
             for paint, width_px in ((DARK, self.line_px + 1 + self.line_px // 2), (color, self.line_px)):
                 cv2.polylines(image, points, whole, paint, width_px, cv2.LINE_AA, _SHIFT)
 
@@ -76,7 +78,7 @@ class Pen:
 
     def text_width(self, text: str) -> int:
         """Width of a text in pixels."""
-        return int(cv2.getTextSize((self.width, self.height), text, (0, 0), self.face, self.text_px, 400)[2])
+        return _text_width(self.face, self.text_px, text)
 
     def fitted(self, text: str, width_px: int) -> str:
         """Return the text, its end cut off with dots where it is wider than `width_px`."""
@@ -104,15 +106,31 @@ class Pen:
         self.text(image, text, left + 3, top + self.text_px, DARK if light > 115 else WHITE)
 
 
+@lru_cache(maxsize=4096)
+def _text_width(face: cv2.FontFace, text_px: int, text: str) -> int:
+    # the size of the picture is used where text is to be wrapped only
+    return int(cv2.getTextSize((1, 1), text, (0, 0), face, text_px, 400)[2])
+
+
 def ascii_only(text: str) -> str:
     """Return the text on one line, with a question mark for every character outside printable ASCII."""
-    return "".join(c if " " <= c <= "~" else "?" for c in " ".join(text.split()))
+    text = " ".join(text.split())
+    if text.isascii() and text.isprintable():
+        return text
+    return "".join(c if " " <= c <= "~" else "?" for c in text)
 
 
 def shade(image: Image, left: int, top: int, width: int, height: int, light: float = 0.27) -> None:
     """Darken a rectangle to `light` of its brightness, in place."""
     part = image[top : top + height, left : left + width]
     cv2.convertScaleAbs(part, dst=part, alpha=light)
+
+
+def _fixed_point(run: NDArray[np.float64], *, closed: bool) -> NDArray[np.int32]:
+    """Return a run of points (N, 2) as OpenCV draws it, without those that change nothing to be seen."""
+    if len(run) > 4:
+        run = np.asarray(cv2.approxPolyDP(run.astype(np.float32), _FLAT_PX, closed)[:, 0], np.float64)
+    return np.asarray(np.round(run * (1 << _SHIFT)), np.int32)
 
 
 def _drawable_runs(points_px: Array, width: int, height: int, closed: bool) -> list[NDArray[np.float64]]:

@@ -296,3 +296,28 @@ class TestPanel:
 
 def test_text_is_one_line_of_ascii() -> None:
     assert ascii_only("a\tb\n  c\u00e9\x07") == "a b c??"
+
+
+class TestPen:
+    def test_points_along_a_straight_line_change_nothing(self) -> None:
+        pen, few, many = Pen.of_image(640, 480), picture(), picture()
+        corners = np.array([[100.0, 80.0], [500.0, 80.0], [500.0, 400.0], [100.0, 400.0]])
+        share = np.linspace(0.0, 1.0, 8, endpoint=False)[:, None]
+        dense = np.concatenate([a + share * (b - a) for a, b in zip(corners, np.roll(corners, -1, 0), strict=True)])
+        pen.line(few, corners, MEASURED, closed=True)
+        pen.line(many, dense, MEASURED, closed=True)
+        np.testing.assert_array_equal(few, many)
+
+    @pytest.mark.parametrize("radius", [5.0, 40.0, 200.0])
+    def test_a_circle_stays_round(self, radius: float) -> None:
+        pen, image = Pen.of_image(640, 480), picture()
+        angle = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)
+        pen.line(image, 240.0 + radius * np.column_stack([np.cos(angle), np.sin(angle)]), MEASURED, closed=True)
+        rows, columns = np.nonzero(painted(image, MEASURED))
+        # a 48-sided figure is itself up to r (1 - cos(pi / 48)) inside the circle
+        off = np.abs(np.hypot(rows - 240.0, columns - 240.0) - radius)
+        assert off.max() < 1.5 + pen.line_px / 2 + 0.0022 * radius
+
+    @pytest.mark.parametrize("text", ["plain", " two  words ", "caf\u00e9", "a\tb", "bell\x07"])
+    def test_what_cannot_be_written_becomes_a_question_mark(self, text: str) -> None:
+        assert ascii_only(text) == "".join(c if " " <= c <= "~" else "?" for c in " ".join(text.split()))
