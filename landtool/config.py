@@ -21,8 +21,9 @@ from landtool.tone import parse_tone
 from landtool.tracking.tracker import TrackerConfig
 
 Settings = TypeVar("Settings")
-SAVES = ("video", "csv")  # the default of every command
-TRACK_SAVES = (*SAVES, "mcap", "tum")
+SAVES = ("video", "csv")  # of landtool detect, and its default
+TRACK_SAVED = (*SAVES, "plot")  # the default of landtool track
+TRACK_SAVES = (*TRACK_SAVED, "mcap", "tum")
 # What a number must lie in; the command line's options have the same
 BOUNDS = {"hfov_deg": (1.0, 170.0), "diameter_m": (0.01, 100.0), "fps": (0.001, 1000.0)}
 
@@ -77,7 +78,7 @@ class TrackConfig:
     topic: str | None = None
     fps: float | None = None
     # outputs to write
-    save: tuple[str, ...] = SAVES
+    save: tuple[str, ...] = TRACK_SAVED
     # when frames are dehazed: auto: when they are hazy; the tags of a dehazed frame are read in it where the original
     # shows none
     dehaze: Literal["auto", "on", "off"] = "auto"

@@ -45,7 +45,8 @@ class SinkSetup:
     has none.
     camera_T_reference: the pose of the tracks' reference frame in the camera at a frame, None where it is not known.
     camera, pad, body_T_camera: of the recording, None where they are not known. provenance: what a file that leaves its
-    folder says of its making, as texts by name; asked for at the end of the run.
+    folder says of its making, as texts by name; asked for at the end of the run. nis_dof: numbers a measurement of the
+    filter has, 2 or 4.
     """
 
     folder: Path
@@ -59,6 +60,7 @@ class SinkSetup:
     body_T_camera: Pose | None = None
     provenance: Callable[[], Mapping[str, str]] = dict
     recording: Path | None = None
+    nis_dof: int = 2
 
     @cached_property
     def drawn(self) -> DrawnPictures:

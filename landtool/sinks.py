@@ -15,7 +15,9 @@ from landtool.io.atomic import atomic_folder, atomic_path
 from landtool.io.run_record import StageTime
 from landtool.io.tables import TABLES, TableWriter
 from landtool.io.video_out import VideoWriter
+from landtool.plot_sink import PlotSink
 from landtool.sink import ManagedSink, Sink, SinkSetup
+from landtool.tum_sink import TumSink
 from landtool.types import Frame, FrameResult, LostFrame
 
 ANNOTATED_VIDEO = "annotated.mp4"
@@ -102,8 +104,20 @@ def _pictures(setup: SinkSetup) -> Sink:
     return VideoSink(setup) if setup.has_clock else ImagesSink(setup)
 
 
+def _results_log(setup: SinkSetup) -> Sink:
+    from landtool.results_log.sink import McapSink  # loads mcap and protobuf
+
+    return McapSink(setup)
+
+
 # What --save chooses from
-SINKS: dict[str, Callable[[SinkSetup], Sink]] = {"video": _pictures, "csv": CsvSink}
+SINKS: dict[str, Callable[[SinkSetup], Sink]] = {
+    "video": _pictures,
+    "csv": CsvSink,
+    "mcap": _results_log,
+    "tum": TumSink,
+    "plot": PlotSink,
+}
 
 
 @contextmanager

@@ -126,7 +126,8 @@ class Follower:
         said = []
         while self._pending and self._pending[0].t_ns <= t_ns:
             due = self._pending.popleft()
-            if before_ns <= due.t_ns and (t_ns - before_ns) * 1e-9 <= _BRIDGE_S:
+            near = due.t_ns == t_ns or (t_ns - before_ns) * 1e-9 <= _BRIDGE_S
+            if before_ns <= due.t_ns and near:
                 share = 1.0 if t_ns == before_ns else (due.t_ns - before_ns) / (t_ns - before_ns)
                 off = due.xy_m - (before + share * (place - before))
                 sigma = None if due.covariance is None else np.sqrt(np.diag(due.covariance))

@@ -81,7 +81,8 @@ class RunRequest:
 class RunParts:
     """What a run is put together from, once its source is known. measure: from frames to results.
 
-    camera, pad, body_T_camera: for the outputs that tell of them, None where there are none.
+    camera, pad, body_T_camera: for the outputs that tell of them, None where there are none. nis_dof: numbers a
+    measurement of the filter has, 2 or 4.
     """
 
     measure: Callable[[Iterable[Frame | LostFrame]], Results]
@@ -92,6 +93,7 @@ class RunParts:
     camera: Camera | None = None
     pad: PadSpec | None = None
     body_T_camera: Pose | None = None
+    nis_dof: int = 2
     notes: tuple[str, ...] = ()
 
 
@@ -136,6 +138,7 @@ def run_recording(request: RunRequest, prepare: Callable[[SourceInfo], RunParts]
             body_T_camera=parts.body_T_camera,
             provenance=lambda: provenance(request.command, asdict(config), hashed()),
             recording=request.path,
+            nis_dof=parts.nis_dof,
         )
         frames = stack.enter_context(closing(prefetch(iter(source), _AHEAD)))
         ahead = stack.enter_context(closing(prefetch(parts.measure(frames), _AHEAD)))

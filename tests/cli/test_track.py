@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -57,7 +58,7 @@ def test_a_run_writes_every_file(track: Track, here: Path, truth: np.ndarray) ->
     told = track("clip.mp4", *CAM)
     assert (told.code, told.err) == (0, "")
     folder = here / "runs" / "track" / "clip"
-    assert {path.name for path in folder.iterdir()} == {*TABLES, "annotated.mp4", "run.json"}
+    assert {path.name for path in folder.iterdir()} == {*TABLES, "annotated.mp4", "track.png", "run.json"}
     for name, columns in COLUMNS.items():
         assert (folder / name).read_text().split("\n", 1)[0] == columns
     frames = read_table(folder / "frames.csv")
@@ -73,9 +74,15 @@ def test_a_run_writes_every_file(track: Track, here: Path, truth: np.ndarray) ->
 def test_a_run_says_what_it_found(track: Track) -> None:
     lines = track("clip.mp4", *CAM, "-o", "out").out.splitlines()
     assert lines[0] == "clip.mp4: out/clip"
-    assert lines[1] == f"  frames {COUNT}, pad measured in {COUNT}, tags read {COUNT}"
-    assert lines[2].startswith("  first seen at 2.50 m, closest 2.")
+    assert re.fullmatch(
+        r"  landing: tracked from 2\.5 m to 2\.\d m without a gap over 0\.2 s, 0\.\d\d m off at the end", lines[1]
+    )
+    assert lines[2] == f"  frames {COUNT}: tag 100.0%"
     assert any(line.startswith("  track, frames by state: ") for line in lines)
+    verdict = record_of("out/clip")["verdict"]
+    assert isinstance(verdict, dict)
+    assert (verdict["judgement"], verdict["frames_measured"]) == ("tracked", COUNT)
+    assert verdict["first_lock_distance_m"] == pytest.approx(2.5, abs=0.02)
 
 
 def test_the_record_tells_the_run_again(track: Track, here: Path) -> None:

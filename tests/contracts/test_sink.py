@@ -16,8 +16,11 @@ import pytest
 
 from landtool.errors import OutputError, OutputExistsError, UsageError
 from landtool.io.tables import TABLES, read_table
+from landtool.plot_sink import PlotSink
+from landtool.results_log.sink import McapSink
 from landtool.sink import Sink, SinkSetup
 from landtool.sinks import SINKS, CsvSink, ImagesSink, VideoSink, open_sinks, write_all
+from landtool.tum_sink import TumSink
 from landtool.types import Frame, FrameResult, LostFrame
 
 STEP_NS = 40_000_000
@@ -28,6 +31,9 @@ KINDS: dict[str, tuple[Make, set[str]]] = {
     "csv": (CsvSink, set(TABLES)),
     "video": (VideoSink, {"annotated.mp4"}),
     "images": (ImagesSink, {"annotated"}),
+    "mcap": (McapSink, {"track.mcap"}),
+    "tum": (TumSink, {"pad_in_camera.tum"}),
+    "plot": (PlotSink, {"track.png"}),
 }
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from landtool.config import SAVES, TRACK_SAVES, TrackConfig
+from landtool.config import TRACK_SAVED, TRACK_SAVES, TrackConfig
 from landtool.errors import UsageError
 from landtool.families import FAMILIES
 from landtool.run.tracking import read_files, track
@@ -65,7 +65,9 @@ def tracker_options(function: Any) -> Any:
     type=click.Choice(["position", "paper"]),
     help="What the filter is given: positions, or also velocities made of two of them.  [default: position]",
 )
-@click.option("--save", metavar="LIST", help=f"Outputs, of {', '.join(TRACK_SAVES)}.  [default: {','.join(SAVES)}]")
+@click.option(
+    "--save", metavar="LIST", help=f"Outputs, of {', '.join(TRACK_SAVES)}.  [default: {','.join(TRACK_SAVED)}]"
+)
 @options.config
 @options.overwrite
 @pass_console

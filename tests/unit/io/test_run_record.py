@@ -30,11 +30,14 @@ def record(**changes: object) -> RunRecord:
 
 def test_says_everything(tmp_path: Path) -> None:
     timings = {"tags": StageTime(0.5, 10), "pose": StageTime()}
-    path = write_run(tmp_path, record(timings=timings, seed=7, model=HashedFile("m.onnx", "cd"), notes=("cut",)))
+    path = write_run(
+        tmp_path,
+        record(timings=timings, seed=7, model=HashedFile("m.onnx", "cd"), notes=("cut",), verdict={"frames": 10}),
+    )
     data = json.loads(path.read_text())
     assert list(data) == [
         *("schema_version", "command", "config", "inputs", "counts", "exit_code"),
-        *("model", "seed", "timings", "notes", "versions"),
+        *("model", "seed", "timings", "notes", "verdict", "versions"),
     ]
     assert data["schema_version"] == 1
     assert data["inputs"] == [{"path": "clip.mp4", "sha256": "ab"}]
@@ -42,6 +45,7 @@ def test_says_everything(tmp_path: Path) -> None:
     assert data["timings"]["tags"] == {"total_s": 0.5, "mean_ms": 50.0, "frames": 10}
     assert data["timings"]["pose"]["mean_ms"] == 0.0
     assert (data["exit_code"], data["seed"], data["model"]["sha256"], data["notes"]) == (3, 7, "cd", ["cut"])
+    assert data["verdict"] == {"frames": 10}
     assert path.read_text() == json.dumps(data, indent=2) + "\n"
 
 
