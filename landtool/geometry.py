@@ -6,6 +6,7 @@ camera frame, so `camera_T_pad @ pad_T_tag` is `camera_T_tag` and a mistake can 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,14 +23,22 @@ def skew(v: ArrayLike) -> Array:
 
 def rotation_from_rotvec(rotvec: ArrayLike) -> Array:
     """Return the (3, 3) rotation about `rotvec` (3,) by its length in radians."""
-    w = np.asarray(rotvec, dtype=np.float64)
-    angle = float(np.linalg.norm(w))
-    k = skew(w)
-    # Rodrigues: R = I + sin(a)/a K + (1 - cos(a))/a^2 K^2, with K = skew(w) and a = |w|
-    if angle < 1e-8:
-        return np.asarray(np.eye(3) + k + 0.5 * k @ k)
-    rotation: Array = np.eye(3) + np.sin(angle) / angle * k + (1.0 - np.cos(angle)) / angle**2 * k @ k
-    return rotation
+    x, y, z = np.asarray(rotvec, dtype=np.float64).tolist()
+    squared = x * x + y * y + z * z
+    angle = math.sqrt(squared)
+    if not math.isfinite(angle):
+        return np.full((3, 3), np.nan)
+    # Rodrigues: R = I + sin(a)/a K + (1 - cos(a))/a^2 K^2, with K = skew(w), a = |w| and K^2 = w w^T - a^2 I; written
+    # out, as in numbers it takes a quarter of the time it takes in arrays
+    s, c = (1.0, 0.5) if angle < 1e-8 else (math.sin(angle) / angle, 2.0 * (math.sin(0.5 * angle) / angle) ** 2)
+    cx, cy, cz, d = c * x, c * y, c * z, 1.0 - c * squared
+    return np.array(
+        [
+            [d + cx * x, cx * y - s * z, cx * z + s * y],
+            [cx * y + s * z, d + cy * y, cy * z - s * x],
+            [cx * z - s * y, cy * z + s * x, d + cz * z],
+        ]
+    )
 
 
 def rotvec_from_rotation(rotation: ArrayLike) -> Array:

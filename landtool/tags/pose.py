@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from landtool.camera import Camera
-from landtool.geometry import Array, Pose, rotation_from_rotvec
+from landtool.geometry import Array, Pose, rotation_from_rotvec, skew
 from landtool.pad import PadSpec
 from landtool.types import TagObservation
 
@@ -22,6 +22,10 @@ _CHANCE = 5.0
 _ITERATIONS = 8
 _SAME_ANGLE_RAD = 2e-3
 _SETTLED = 1e-3  # of chi-square: the pose is within a thirtieth of its own uncertainty
+# (2, 3): what x and y do to x/z and y/z at z = 1, and z's share; (3, 9): q to the rows of -[q]x, as dw x q = -[q]x dw
+_FLAT_BY_PLACE = np.eye(2, 3)
+_ALONG_Z = np.array([0.0, 0.0, 1.0])
+_MINUS_SKEW = -np.stack([skew(axis) for axis in np.eye(3)]).reshape(3, 9)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,17 +58,15 @@ class Corners:
 
     def linearise(self, pose: Pose) -> tuple[Array, Array]:
         """Residuals (2N,) in x/z, y/z at a pose and the Jacobian (2N, 6) of the projection by (dt, dw)."""
-        qx, qy, qz = pose.rotation @ self.points_m.T
-        x, y, z = qx + pose.translation[0], qy + pose.translation[1], qz + pose.translation[2]
-        by_z = 1.0 / z
-        a, b, zero = x * by_z, y * by_z, np.zeros_like(z)
-        au, bv = a * by_z, b * by_z
-        # d(x/z, y/z) = r (dt + dw x q), q = R p, r = (1/z, 0, -x/z^2) and (0, 1/z, -y/z^2); r (dw x q) = (q x r) dw
-        jacobian = np.stack([
-            by_z, zero, -au, -qy * au, qz * by_z + qx * au, -qy * by_z,
-            zero, by_z, -bv, -qz * by_z - qy * bv, qx * bv, qx * by_z,
-        ], axis=1)  # fmt: skip
-        return (self.flat - np.stack([a, b], axis=1)).ravel(), jacobian.reshape(-1, 6)
+        q = self.points_m @ pose.rotation.T
+        seen = q + pose.translation
+        flat = seen[:, :2] / seen[:, 2:]
+        # d(x/z, y/z) = r (dt + dw x q), q = R p, r = (1/z, 0, -x/z^2) and (0, 1/z, -y/z^2), and dw x q = -[q]x dw
+        by_place = _FLAT_BY_PLACE - flat[:, :, None] * _ALONG_Z
+        by_place /= seen[:, 2, None, None]
+        by_turn = by_place @ (q @ _MINUS_SKEW).reshape(-1, 3, 3)
+        jacobian = np.concatenate([by_place, by_turn], axis=2)
+        return (self.flat - flat).ravel(), jacobian.reshape(-1, 6)
 
     def terms(self, pose: Pose) -> tuple[Array, Array, float]:
         """Normal matrix (6, 6), gradient (6,) and chi-square of the corners at a pose."""
@@ -129,7 +131,9 @@ def _refine(start: Pose, corners: Corners) -> Solution | None:
     pose, damping = start, 1e-6
     normal, gradient, chi2 = corners.terms(pose)
     for _ in range(_ITERATIONS):
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+        damped = normal.copy()
+        damped.flat[::7] *= 1.0 + damping
+        step = np.linalg.solve(damped, gradient)
         moved = pose.perturbed(step)
         new_normal, new_gradient, new_chi2 = corners.terms(moved)
         if not new_chi2 <= chi2:

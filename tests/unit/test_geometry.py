@@ -111,3 +111,18 @@ def test_a_pose_cannot_be_changed_from_outside() -> None:
     assert pose.translation[0] == 0.0
     with pytest.raises(ValueError, match="read-only"):
         pose.translation[0] = 1.0
+
+
+@given(arrays(np.float64, 3, elements=st.floats(-4.0, 4.0)) | rotvecs.map(lambda v: 1e-6 * v))
+def test_a_rotation_is_the_exponential_of_its_vector(rotvec: Array) -> None:
+    k = skew(rotvec)
+    power, wanted = np.eye(3), np.eye(3)
+    for n in range(1, 45):
+        power = power @ k / n
+        wanted = wanted + power
+    np.testing.assert_allclose(rotation_from_rotvec(rotvec), wanted, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_a_rotation_by_nothing_known_is_unknown(bad: float) -> None:
+    assert np.isnan(rotation_from_rotvec([0.0, bad, 0.0])).all()
