@@ -9,12 +9,15 @@ from foxglove_schemas_protobuf.LinePrimitive_pb2 import LinePrimitive
 from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 
-from landtool.geometry import Pose, rotation_from_quaternion
+from landtool.geometry import Array, Pose, rotation_from_quaternion
 from landtool.io.mcap_annotations import Annotations
 from landtool.io.mcap_scene import LIFETIME_S, Scene
 
 STAMP_NS = 1_700_000_000_000_000_123
 RED = (0, 0, 255)
+# roots of covariances whose axes NumPy gives in a right-handed and in a left-handed order
+RIGHT = np.array([[0.3, 0.1, 0.0], [0.0, 0.2, 0.05], [0.1, 0.0, 0.4]])
+LEFT = np.array([[0.3, -0.3, 0.3], [0.0, -0.4, -0.1], [0.0, 0.1, -0.3]])
 SQUARE = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 5.0], [0.0, 5.0]])
 
 
@@ -77,8 +80,8 @@ class TestScene:
         assert line.type == LinePrimitive.LINE_LOOP
         assert [(p.x, p.y, p.z) for p in line.points] == [(1, 0, 0), (0, 1, 0), (0, 0, 1)]
 
-    def test_the_ellipsoid_is_that_of_the_covariance(self) -> None:
-        root = np.array([[0.3, 0.1, 0.0], [0.0, 0.2, 0.05], [0.1, 0.0, 0.4]])
+    @pytest.mark.parametrize("root", [RIGHT, LEFT])
+    def test_the_ellipsoid_is_that_of_the_covariance(self, root: Array) -> None:
         covariance = root @ root.T
         space = Scene(STAMP_NS)
         space.entity("pad", "camera").ellipsoid(np.zeros(3), covariance, RED)
