@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from landtool.camera import Camera
 from landtool.io.mcap_annotations import Annotations
 from landtool.io.mcap_proto import Built
@@ -45,7 +47,11 @@ def _mark_tag(marks: Annotations, tag: TagObservation) -> None:
 def _mark_target(marks: Annotations, pose: PadPose, camera: Camera, pad: PadSpec, color: Color) -> None:
     outline_px = camera.project(pose.camera_T_pad.apply(pad.outline_m))
     marks.line(outline_px, color, closed=True)
-    marks.text(f"{pose.method} {distance_m(pose):.2f} m", (outline_px[:, 0].max(), outline_px[:, 1].max()), color)
+    seen_px = outline_px[np.isfinite(outline_px).all(axis=1)]
+    if len(seen_px):
+        # near the end the target is larger than the picture
+        place_px = np.clip(seen_px.max(axis=0), 0.0, (0.8 * camera.width, camera.height - 1.0))
+        marks.text(f"{pose.method} {distance_m(pose):.2f} m", place_px, color)
 
 
 def _mark_tracks(marks: Annotations, moment: Moment, camera: Camera) -> None:

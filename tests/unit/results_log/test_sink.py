@@ -182,6 +182,16 @@ def test_boxes_tags_and_the_target_are_marked_half_a_pixel_on(tmp_path: Path) ->
     np.testing.assert_allclose(ahead, CAMERA.project(camera_T_world(result).apply(np.array(places))) + 0.5)
 
 
+def test_the_distance_is_written_in_the_picture_when_the_target_is_larger(tmp_path: Path) -> None:
+    near = PadPose(Pose.from_rotvec((0.0, 0.0, 0.5), (np.pi, 0.0, 0.0)), np.eye(6), "target", 0.1, 0.2)
+    behind = replace(near, camera_T_pad=Pose.from_rotvec((0.0, 0.0, -0.5), (np.pi, 0.0, 0.0)))
+    log = written(tmp_path, [result_at(0, pose=near, other_poses=(behind,), tracks=(), tags=(), detections=())])
+    [text] = log.messages("/camera/annotations")[0].texts
+    assert text.text == "target 0.50 m"
+    assert 0 <= text.position.x < CAMERA.width
+    assert 0 <= text.position.y <= CAMERA.height
+
+
 def test_poses_transforms_and_track_are_the_results(tmp_path: Path) -> None:
     results = [result_at(n) for n in range(3)]
     log = written(tmp_path, results)
