@@ -39,6 +39,7 @@ ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 _COMMON = ("help", "verbose", "quiet", "debug")
 _BOUNDS = config.BOUNDS | tracker.BOUNDS | detector.BOUNDS | training.BOUNDS | dehaze.BOUNDS | dehaze.PAPER_BOUNDS
+_OUTPUTS: dict[type, tuple[str, ...]] = {TrackConfig: config.TRACK_SAVES, DetectConfig: config.SAVES}
 _KINDS = {"int": "whole number", "float": "number", "str": "text", "bool": "true or false", "Path": "file name"}
 
 
@@ -204,7 +205,7 @@ def _settings_table(defaults: Any, where: str, options: dict[str, str]) -> str:
         option = options.get(where + field.name)
         rows.append((
             f"`{field.name}`",
-            _type_text(field.name, hints[field.name]),
+            _type_text(field.name, hints[field.name], _OUTPUTS.get(kind, ())),
             _toml(value),
             f"`{option}`" if option else "",
             said[field.name],
@@ -227,7 +228,7 @@ def field_comments(kind: type) -> dict[str, str]:
     return said
 
 
-def _type_text(name: str, hint: Any) -> str:
+def _type_text(name: str, hint: Any, outputs: tuple[str, ...]) -> str:
     kind = next((k for k in typing.get_args(hint) if k is not type(None)), hint) if _is_optional(hint) else hint
     if typing.get_origin(kind) is Literal:
         return " or ".join(f'`"{v}"`' for v in typing.get_args(kind))
@@ -238,7 +239,7 @@ def _type_text(name: str, hint: Any) -> str:
     if typing.get_origin(kind) is tuple and name != "save":
         return "list of texts"
     if typing.get_origin(kind) is tuple:
-        return "list of " + ", ".join(f'`"{v}"`' for v in config.SAVES)
+        return "list of " + ", ".join(f'`"{v}"`' for v in outputs)
     low, high = _BOUNDS.get(name, (None, None))
     return _KINDS[kind.__name__] + ("" if low is None else f", {low:g} to {high:g}")
 

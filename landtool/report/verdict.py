@@ -56,7 +56,7 @@ class Verdict:
     """Everything that is said of a landing; None is unknown, or has nothing to be about.
 
     fills_picture: at the last measurement the pad's ring spanned half the picture or more, so that it had to leave it.
-    handover_altitude_m: at the first change of stage. refused: poses the tracker's gate kept out.
+    handover_altitude_m: at the last change of stage. refused: poses the tracker's gate kept out.
     """
 
     frames: int
@@ -179,8 +179,7 @@ class VerdictLog:
         self._stages[result.stage] += 1
         if self._stage not in (None, result.stage):
             self._handovers += 1
-            if self._handovers == 1:
-                self._handover_altitude_m = result.altitude_m
+            self._handover_altitude_m = result.altitude_m
         self._stage = result.stage
 
     def _count_track(self, result: FrameResult, moment: Moment) -> None:

@@ -122,7 +122,7 @@ def _lateral(lateral: Lateral | None, switch_altitude_m: float | None) -> str:
 def _stages(verdict: Verdict) -> str:
     shares = _shares(verdict.stages, sum(verdict.stages.values()))
     altitude_m = verdict.handover_altitude_m
-    at = "" if altitude_m is None else f", the first at an altitude of {altitude_m:.1f} m"
+    at = "" if altitude_m is None else f", the last at an altitude of {altitude_m:.1f} m"
     return f"{shares}, hand-overs {verdict.handovers}{at}"
 
 

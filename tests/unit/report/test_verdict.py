@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterable
 
 import numpy as np
@@ -11,6 +12,7 @@ from landtool.report.facts import facts
 from landtool.report.verdict import Verdict, VerdictLog
 from landtool.report.words import verdict_lines
 from landtool.types import FrameResult
+from tests.shared import ROOT
 from tests.unit.report.landings import FPS, STEP_NS, measured, result, track
 
 
@@ -154,7 +156,7 @@ class TestFacts:
     def test_counts_hand_overs_and_leaves_lost_frames_out(self) -> None:
         stages = ["far", "far", None, "near", "near", "far", "near"]
         verdict = judged(result(i, stage=s, altitude_m=7.0 - i) for i, s in enumerate(stages))
-        assert (verdict.handovers, verdict.handover_altitude_m) == (3, 4.0)
+        assert (verdict.handovers, verdict.handover_altitude_m) == (3, 1.0)
         assert verdict.stages == {"far": 3, "near": 3}
 
     def test_counts_mirror_poses_and_refused_ones(self) -> None:
@@ -181,6 +183,12 @@ class TestFacts:
             values = facts(judged(results), wall_s=2.0, switch_altitude_m=6.0)
             assert json.loads(json.dumps(values, allow_nan=False)) == values
             assert values["fps"] == len(results) / 2.0
+
+    def test_the_docs_name_every_key(self) -> None:
+        page = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+        rows = page.split("#### verdict", 1)[1].split("\n### ", 1)[0]
+        named = [key for row in re.findall(r"^\| ([a-z_0-9, ]+) \|", rows, re.MULTILINE) for key in row.split(", ")]
+        assert named[1:] == list(facts(judged([]), wall_s=1.0, switch_altitude_m=None))  # the first is the header
 
     def test_every_key_is_there_whatever_happened(self) -> None:
         keys = [list(facts(judged(r), wall_s=1.0, switch_altitude_m=None)) for r in ([], landing())]
