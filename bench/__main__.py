@@ -17,6 +17,10 @@ PARTS = {
     ),
     "ring": ("bench.ring", "the ring's ellipse against truth"),
     "print": ("bench.print_fit", "the whole print of small pads against truth"),
+    "tone": (
+        "bench.tone",
+        "the gauge of the tone curve against known curves, and range errors by right and wrong ones",
+    ),
     "dehaze": (
         "bench.dehaze",
         "dehazing against clear twins, the haze told, time, flicker, and the detector through fog",
