@@ -25,6 +25,7 @@ PARTS = {
         "bench.dehaze",
         "dehazing against clear twins, the haze told, time, flicker, and the detector through fog",
     ),
+    "predict": ("bench.predict", "predictions of the platform's place against truth, and their covariances"),
     "speed": ("bench.speed", "frames a second of the whole of landtool track, near and far, and its stages"),
     "recordings": ("bench.recordings", "landtool track on the real and path-traced recordings beside the project"),
 }

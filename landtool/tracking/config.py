@@ -37,7 +37,8 @@ class TrackerConfig:
     # adaptive: the platform drives steadily or manoeuvres, whichever its measurements say; in the body frame the
     # drone keeps itself above it and swings. constant-velocity: the paper's; measurement = "paper" always has it
     motion: MotionName = "adaptive"
-    # sigma of the platform's acceleration: adaptive: in a manoeuvre; constant-velocity: new at every step
+    # sigma of the platform's acceleration in the world: adaptive: in a manoeuvre; constant-velocity: new at every step,
+    # in the body frame too
     accel_sigma_mps2: float = 1.0
     # sigma of the velocity of a track seen once: the faster, the more its second measurement may differ
     init_velocity_sigma_mps: float = 5.0

@@ -76,13 +76,19 @@ def compared(belief: Belief, z: Array, H: Array, R: Array) -> Innovation:
     return _merged(belief.weights, *_differences(belief, z, H, R))
 
 
-def updated(belief: Belief, z: Array, H: Array, R: Array) -> tuple[Belief, Innovation]:
-    """Return the belief that knows the measurement too, and how the measurement differed."""
+def updated(belief: Belief, z: Array, H: Array, R: Array, learnt: Array | None = None) -> tuple[Belief, Innovation]:
+    """Return the belief that knows the measurement too, and how the measurement differed.
+
+    learnt: (n,) 1 for states that are estimated, 0 for those whose uncertainty is only considered, as by Schmidt:
+    Application of state-space methods to navigation problems, Advances in Control Systems 3 (1966).
+    """
     y, S = _differences(belief, z, H, R)
     # K = P H^T S^-1, by a solve: S and P are symmetric
     K = np.linalg.solve(S, H @ belief.covariances).swapaxes(-1, -2)
+    if learnt is not None:
+        K = K * learnt[:, None]
     means = belief.means + (K @ y[..., None])[..., 0]
-    # P = (I - K H) P (I - K H)^T + K R K^T: Joseph's form, which rounding cannot make indefinite
+    # P = (I - K H) P (I - K H)^T + K R K^T: Joseph's form, true of any K, which rounding cannot make indefinite
     left = np.eye(H.shape[1]) - K @ H
     P = left @ belief.covariances @ left.swapaxes(-1, -2) + K @ R @ K.swapaxes(-1, -2)
     P = 0.5 * (P + P.swapaxes(-1, -2))

@@ -32,10 +32,9 @@ _FORGET_S, _FORGOTTEN_MPS2 = 0.1, 0.01  # the acceleration of a platform that dr
 _CHANGES_PER_S = 0.3  # from one way of moving to the other
 
 # Body: speed of a drone that keeps itself above the platform, and how long it keeps it
-_HOLD_MPS, _HOLD_S = 0.3, 3.0
-# attitude of a multirotor in the wind, and at work: rate of its swing, damping, and sigma of its turning
-_SWING_RADPS, _SWING_DAMPING, _SWING_SIGMA_RADPS = 3.0, 0.6, 0.07
-_WORK_RADPS, _WORK_DAMPING, _WORK_SIGMA_RADPS = 1.5, 0.7, 0.1
+_HOLD_MPS, _HOLD_S = 0.5, 1.5
+# attitude of a multirotor in the wind and at work: rate of its swing, damping, and sigma of its turning
+_SWING_RADPS, _SWING_DAMPING, _SWING_SIGMA_RADPS = 2.0, 0.7, 0.06
 
 
 class Motion(ABC):
@@ -43,6 +42,8 @@ class Motion(ABC):
 
     weights: Array
     """(M,) the probability of each at first."""
+    learnt: Array | None = None
+    """(n,) 1 for a state that is estimated, 0 for one whose uncertainty is only considered; None: all are."""
 
     def __init__(self) -> None:
         self.step = lru_cache(maxsize=_STEPS_KEPT)(self._step)
@@ -101,6 +102,8 @@ class WorldMotion(Motion):
     """
 
     weights = np.array([0.5, 0.5])
+    # the bias looks like a velocity of the platform while the drone comes down: estimates of it are worse than none
+    learnt = np.array([1.0] * 6 + [0.0] * 3 + [1.0] * 2)
 
     def __init__(self, config: TrackerConfig) -> None:
         super().__init__()
@@ -138,32 +141,34 @@ class WorldMotion(Motion):
 
 
 class BodyMotion(Motion):
-    """A platform below a drone of unknown motion, which follows it and swings: z = r + h q in the body's level axes.
+    """A platform below a drone of unknown motion, which follows it and swings: z = r + h q in the body's axes.
 
-    n = 8: place r, velocity, where the drone's attitude q points to (two, rad; h is the height) and its rate. M = 2:
-    a drone that keeps above the platform and swings in the wind, and one at work while the platform goes its own way.
+    n = 8: place r, velocity, where the drone's attitude q points to (two, rad; h is the height) and its rate. M = 1.
     """
 
-    weights = np.array([0.5, 0.5])
+    weights = np.ones(1)
 
     def __init__(self, config: TrackerConfig) -> None:
         super().__init__()
         self._config = config
+        A = np.zeros((4, 4))
+        A[0, 1] = A[2, 3] = 1.0
         # v' = -v / T + w: velocities of variance sigma^2
-        hold = _swinging(-1.0 / _HOLD_S, 2.0 * _HOLD_MPS**2 / _HOLD_S, _SWING_RADPS, _SWING_DAMPING, _SWING_SIGMA_RADPS)
-        # a platform whose acceleration has sigma for a manoeuvre's time changes its velocity by that density
-        free = 2.0 * config.accel_sigma_mps2**2 * _MANOEUVRE_S / 30.0
-        work = _swinging(0.0, free, _WORK_RADPS, _WORK_DAMPING, _WORK_SIGMA_RADPS)
-        self._ways = [(_for_both(A), _for_both(W)) for A, W in (hold, work)]
+        A[1, 1] = -1.0 / _HOLD_S
+        # q'' = -o^2 q - 2 d o q' + w: turning of variance sigma^2
+        A[3, 2:] = -(_SWING_RADPS**2), -2.0 * _SWING_DAMPING * _SWING_RADPS
+        swung = 4.0 * _SWING_DAMPING * _SWING_RADPS * _SWING_SIGMA_RADPS**2
+        W = np.diag([0.0, 2.0 * _HOLD_MPS**2 / _HOLD_S, 0.0, swung])
+        self._ways = [(_for_both(A), _for_both(W))]
 
     def _step(self, dt_s: float) -> Step:
         return _step_of(self._ways, dt_s)
 
     def begin(self, seen: PlanarMeasurement, _: float) -> Belief:
         """Return a platform at rest below a level drone, give or take."""
-        # sigma_q = sigma_q' / rate, of a swing in balance with what drives it
-        angle = max(_SWING_SIGMA_RADPS / _SWING_RADPS, _WORK_SIGMA_RADPS / _WORK_RADPS)
-        variances = [self._config.init_velocity_sigma_mps**2] * 2 + [angle**2] * 2 + [_WORK_SIGMA_RADPS**2] * 2
+        # sigma_q = sigma_q' / o, of a swing in balance with what drives it
+        angle = _SWING_SIGMA_RADPS / _SWING_RADPS
+        variances = [self._config.init_velocity_sigma_mps**2] * 2 + [angle**2] * 2 + [_SWING_SIGMA_RADPS**2] * 2
         return begun(seen.xy_m, seen.covariance, self.sight(seen), np.diag(variances), self.weights)
 
     def sight(self, seen: PlanarMeasurement) -> Array:
@@ -192,17 +197,6 @@ def _axis(
     return A, np.diag([0.0, velocity_density, 2.0 * sigma_mps2**2 / acceleration_s])
 
 
-def _swinging(
-    damping_per_s: float, velocity_density: float, rate_radps: float, damping: float, sigma_radps: float
-) -> tuple[Array, Array]:
-    """Return A and W (4, 4) of place, velocity, swing and its rate."""
-    A = np.zeros((4, 4))
-    A[0, 1], A[1, 1], A[2, 3] = 1.0, damping_per_s, 1.0
-    # q'' = -w^2 q - 2 d w q' + noise
-    A[3, 2:] = -(rate_radps**2), -2.0 * damping * rate_radps
-    return A, np.diag([0.0, velocity_density, 0.0, 4.0 * damping * rate_radps * sigma_radps**2])
-
-
 def _for_both(axis: Array) -> Array:
     return np.asarray(np.kron(axis, _BOTH), dtype=np.float64)
 
@@ -213,6 +207,8 @@ def _diagonal(a: Array, b: Array) -> Array:
 
 def _step_of(ways: Sequence[tuple[Array, Array]], dt_s: float) -> Step:
     F, Q = zip(*(over(A, W, dt_s) for A, W in ways), strict=True)
-    # two states that change into each other at one rate: pi = (1 + exp(-2 r dt)) / 2 to stay
+    if len(ways) == 1:
+        return Step(np.stack(F), np.stack(Q), np.eye(1))
+    # two that change into each other at one rate: pi = (1 + exp(-2 r dt)) / 2 to stay
     change = 0.5 * (1.0 - math.exp(-2.0 * _CHANGES_PER_S * dt_s))
     return Step(np.stack(F), np.stack(Q), np.array([[1.0 - change, change], [change, 1.0 - change]]))

@@ -108,7 +108,8 @@ def _forward(nodes: list[_Node], motion: Motion, age_s: float) -> None:
             node.step = node.step or motion.step(dt_s)
             belief, height, seen = mixture.advanced(belief, node.step), height.after(dt_s), node.seen
         for measurement in seen:
-            belief, _ = mixture.updated(belief, measurement.xy_m, motion.sight(measurement), measurement.covariance)
+            z, H, R = measurement.xy_m, motion.sight(measurement), measurement.covariance
+            belief, _ = mixture.updated(belief, z, H, R, motion.learnt)
             height = height.measured(measurement.z_m, measurement.z_variance_m2)
         node.belief, node.height = belief, height
 
@@ -145,7 +146,7 @@ def _backward(nodes: list[_Node], motion: Motion) -> list[KalmanState]:
         if i + 1 < len(nodes):
             step = nodes[i + 1].step
             assert step is not None
-            x, P = _gained(x, P, step.F[0], step.Q[0], mean, covariance)
+            x, P = _gained(x, P, step.F[0], step.Q[0], mean, covariance, motion.learnt)
         mean, covariance = x, P
         T = motion.output(height)
         placed = T @ P @ T.T
@@ -153,9 +154,14 @@ def _backward(nodes: list[_Node], motion: Motion) -> list[KalmanState]:
     return states[::-1]
 
 
-def _gained(x: Array, P: Array, F: Array, Q: Array, later: Array, later_P: Array) -> tuple[Array, Array]:
+def _gained(
+    x: Array, P: Array, F: Array, Q: Array, later: Array, later_P: Array, learnt: Array | None
+) -> tuple[Array, Array]:
     # C = P F^T P'^-1 with P' = F P F^T + Q;  x_s = x + C (x_s+1 - F x),  P_s = P + C (P_s+1 - P') C^T
     ahead = F @ P @ F.T + Q
     gain = P @ F.T @ np.linalg.pinv(ahead, rcond=1e-14, hermitian=True)
+    if learnt is not None:  # what is only considered stays as it is, as it does in the filter
+        held = np.diag(1.0 - learnt)
+        gain = gain * learnt[:, None] + held
     covariance = P + gain @ (later_P - ahead) @ gain.T
     return x + gain @ (later - F @ x), 0.5 * (covariance + covariance.T)

@@ -216,7 +216,7 @@ class Tracker:
         return z, kalman.H_PAPER, R
 
     def _hit(self, target: Target, measurement: PlanarMeasurement) -> Target:
-        belief, difference = mixture.updated(target.belief, *self._seen(target, measurement))
+        belief, difference = mixture.updated(target.belief, *self._seen(target, measurement), self.motion.learnt)
         hits = (*target.hits, True)[-self.config.confirm_window :]
         return replace(
             target,

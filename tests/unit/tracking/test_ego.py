@@ -63,3 +63,10 @@ def test_one_pose_is_known_at_its_own_time_only() -> None:
 def test_a_gap_that_is_no_time_is_refused(max_gap_s: float) -> None:
     with pytest.raises(UsageError, match="max_gap_s"):
         trajectory([0.0], np.zeros((1, 3)), max_gap_s)
+
+
+def test_between_two_poses_their_noise_is_less() -> None:
+    ego = trajectory([0.0, 0.1], np.zeros((2, 3)))
+    shares = [ego.noise_share(T0 + t_ns) for t_ns in (0, 50_000_000, 25_000_000, 100_000_000, 200_000_000)]
+    assert shares == pytest.approx([1.0, 0.5, 0.75**2 + 0.25**2, 1.0, 1.0])
+    assert ego.span_ns == (T0, T0 + 100_000_000)
