@@ -15,13 +15,13 @@ from landtool.synth.clips.scenarios import ScenarioName
 from landtool.tracking.platform import PlatformTracker
 from landtool.tracking.tracker import TrackerConfig
 
-RUNS = 20
+RUNS = 20  # the constants of landtool.tracking.motion were chosen on these same landings
 DRIVES: tuple[ScenarioName, ...] = ("straight", "turn", "stop-and-go", "figure-eight")
 HORIZONS_S = (0.1, 0.25, 0.5, 1.0)
 FIRST_S = 1.0  # a track is judged from then on
 SWITCH_M = 6.0  # of the paper: the box above, the tag below
 TARGET_BELOW_M, TAG_BELOW_M = 15.0, 5.0  # of ours
-# the paper's own filter had these accelerations; its switch leaves nothing between box and tag
+# the acceleration is landtool's former default, no number of the paper's; its switch leaves nothing between box and tag
 PAPER = TrackerConfig(motion="constant-velocity", measurement="paper", accel_sigma_mps2=2.0)
 PLAIN = TrackerConfig(motion="constant-velocity", accel_sigma_mps2=2.0)
 OURS = TrackerConfig()
