@@ -25,7 +25,12 @@ SAVES = ("video", "csv")  # of landtool detect, and its default
 TRACK_SAVED = (*SAVES, "plot")  # the default of landtool track
 TRACK_SAVES = (*TRACK_SAVED, "mcap", "tum")
 # What a number must lie in; the command line's options have the same
-BOUNDS = {"hfov_deg": (1.0, 170.0), "diameter_m": (0.01, 100.0), "fps": (0.001, 1000.0)}
+BOUNDS = {
+    "hfov_deg": (1.0, 170.0),
+    "diameter_m": (0.01, 100.0),
+    "fps": (0.001, 1000.0),
+    "switch_altitude_m": (0.05, 10_000.0),
+}
 
 # For the network's sake: what is less hazy it sees as well as without, and clear frames are to stay as they are
 LOOK_THROUGH = DehazeConfig(haze_on=0.55, haze_off=0.5)
@@ -83,6 +88,15 @@ class TrackConfig:
     # shows none
     dehaze: Literal["auto", "on", "off"] = "auto"
     dehazer: DehazeConfig = LOOK_THROUGH
+    # how the measurements are used: fuse: whatever is seen best in each frame; paper: boxes alone above the switch
+    # altitude, the tag alone below it, as in the paper
+    policy: Literal["fuse", "paper"] = "fuse"
+    # height over the pad at which the far stage gives way to the near one, metres; none: from where the tag is readable
+    # by this camera
+    switch_altitude_m: float | None = None
+    # smooth the tracks over the whole run, too (Rauch-Tung-Striebel): further columns in tracks.csv
+    smooth: bool = False
+    detector: DetectorConfig = field(default_factory=DetectorConfig)
     tags: TagConfig = field(default_factory=TagConfig)
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 from landtool.dehaze.stage import Dehazed, DehazeStage
 from landtool.detect.stage import DetectStage
+from landtool.geometry import Pose
+from landtool.landing.finder import Found
+from landtool.landing.main_track import MainTrack
+from landtool.landing.stages import StageSwitch, altitude_m
 from landtool.tags.finder import TagFinder
-from landtool.tags.stage import TagReading, TagStage
-from landtool.tracking.platform import PlatformTracker
-from landtool.types import Frame, FrameResult, LostFrame
+from landtool.tracking.platform import ExpectedPad, PlatformTracker
+from landtool.types import Frame, FrameResult, LostFrame, Stage
 
 SMALLEST_PX = 16  # of a picture's side: the AprilTag library crashes on two pixels and reads nothing on 12
 TOO_SMALL = "the picture is too small to show a tag"
@@ -58,9 +62,7 @@ def process(
             reason = _joined(frame.reason, stepped.said)
             yield frame, FrameResult(frame.index, frame.t_ns, frame.file, "damaged", reason, tracks=stepped.tracks)
             continue
-        began = time.perf_counter()
         view = _View(frame, dehazer)
-        start = time.perf_counter()
         world_T_body, expected = tracker.world_T_body(frame.t_ns), tracker.expected(frame.t_ns)
         height_m = _height_m(expected, body_T_camera, world_T_body)
         stage = switch.at(height_m)
@@ -76,7 +78,7 @@ def process(
         body_T_pad, world_T_pad = tracker.placed(frame.t_ns, pose)
         if pose is not None:
             height_m = altitude_m(body_T_camera, pose.camera_T_pad, world_T_body)
-        seconds = view.seconds(start - began) | dict(found.seconds)
+        seconds = view.seconds | dict(found.seconds)
         tracked = time.perf_counter() - looked
         yield (
             frame,
@@ -124,8 +126,8 @@ def find(
             reason = _joined(frame.damage, TOO_SMALL)
             yield frame, FrameResult(frame.index, frame.t_ns, frame.file, frame.status, reason)
             continue
-        began = time.perf_counter()
-        air, clear = _through_haze(frame, dehazer)
+        view = _View(frame, dehazer)
+        clear = view.clear()
         start = time.perf_counter()
         boxes = detector.find(clear)
         if clear is not frame and not boxes.detections:
@@ -148,30 +150,61 @@ def find(
                     "" if boxes.detections else "no box",
                     "" if found is None or observed else "no tag read",
                 ),
-                haze=None if air is None else air.haze,
-                dehazed=clear is not frame,
+                haze=view.haze,
+                dehazed=view.was_dehazed,
                 stage="near" if observed else "far",
                 search=boxes.search,
                 detections=boxes.detections,
                 tags=observed,
-                stage_seconds=_dehaze_time(air, start - began)
+                stage_seconds=view.seconds
                 | {"detect": detected - start}
                 | ({} if found is None else {"tags": read - detected}),
             ),
         )
 
 
-def _through_haze(frame: Frame, dehazer: DehazeStage | None) -> tuple[Dehazed | None, Frame]:
-    """Return what the dehazer says of a frame, and the frame without its haze: itself where that is left alone."""
-    if dehazer is None:
-        return None, frame
-    air = dehazer.see(frame)
-    return air, replace(frame, image=air.image) if air.dehazed else frame
+class _View:
+    """A frame as it is and, where it is hazy, without its haze, which is taken off when somebody asks for it."""
+
+    def __init__(self, frame: Frame, dehazer: DehazeStage | None) -> None:
+        began = time.perf_counter()
+        self._frame = frame
+        self._clear: Frame | None = None
+        self._air: Dehazed | None = None if dehazer is None else dehazer.see(frame)
+        self._spent = time.perf_counter() - began
+
+    def clear(self) -> Frame:
+        """Return the frame without its haze; itself where it is left alone."""
+        if self._air is None or not self._air.dehazed:
+            return self._frame
+        if self._clear is None:
+            began = time.perf_counter()
+            self._clear = replace(self._frame, image=self._air.image)
+            self._spent += time.perf_counter() - began
+        return self._clear
+
+    @property
+    def haze(self) -> float | None:
+        """The haze that is guessed, None where nobody asked."""
+        return None if self._air is None else self._air.haze
+
+    @property
+    def was_dehazed(self) -> bool:
+        """Whether somebody looked at the dehazed picture."""
+        return self._clear is not None
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """The time dehazing took, as a stage."""
+        return {} if self._air is None else {"dehaze": self._spent}
 
 
-def _dehaze_time(air: Dehazed | None, seconds: float) -> dict[str, float]:
-    return {} if air is None else {"dehaze": seconds}
+def _height_m(expected: Sequence[ExpectedPad], body_T_camera: Pose, world_T_body: Pose | None) -> float | None:
+    """Return the drone's height over the first expected pad; before there is one, over the world's ground."""
+    if expected:
+        return altitude_m(body_T_camera, expected[0].camera_T_pad, world_T_body)
+    return None if world_T_body is None else float(world_T_body.translation[2])
 
 
 def _joined(*reasons: str) -> str:
-    return "; ".join(filter(None, reasons))
+    return "; ".join(dict.fromkeys(filter(None, reasons)))

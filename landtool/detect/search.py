@@ -66,7 +66,7 @@ class DetectorSearch:
         self._size = (width, height)
         self._region = None
         due = self._last_full is None or not 0 <= frame_index - self._last_full < self._full_every
-        if not due and self._last is not None:
+        if not due and (predicted is not None or self._last is not None):
             box = self._predicted(frame_index) if predicted is None else _box(predicted)
             self._region = _around(box, width, height)
         if self._region is None:

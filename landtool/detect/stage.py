@@ -68,24 +68,27 @@ class DetectStage:
         self._search = DetectorSearch() if regions else None
         self._ring_of, self._tone, self._least_score = ring_of, tone, least_score
 
-    def find(self, frame: Frame) -> FoundBoxes:
-        """Detect in one frame. Raises InputError for a network that gives no usable output."""
-        seen, search = self._look(frame)
+    def find(self, frame: Frame, expected: Detection | None = None) -> FoundBoxes:
+        """Detect in one frame. Raises InputError for a network that gives no usable output.
+
+        expected: where another source, as the tracker, expects the pad's box; regions lie around it.
+        """
+        seen, search = self._look(frame, expected)
         if self._ring_of is not None:
             seen = self._on_ring(frame.image, seen, self._ring_of)
             seen = tuple(box for box in sorted(seen, key=lambda b: -b.score) if box.score >= self._least_score)
         return FoundBoxes(seen, search)
 
-    def _look(self, frame: Frame) -> tuple[tuple[Detection, ...], Search]:
+    def _look(self, frame: Frame, expected: Detection | None) -> tuple[tuple[Detection, ...], Search]:
         image, index = frame.image, frame.index
         height, width = image.shape[:2]
-        region = None if self._search is None else self._search.next_region(index, width, height)
+        region = None if self._search is None else self._search.next_region(index, width, height, expected)
         if self._search is None or region is None:
             seen = self._detector.detect(image)
         else:
             seen = self._detector.detect_region(image, region)
             self._search.saw(index, seen)
-            if self._search.next_region(index, width, height) is not None:
+            if self._search.next_region(index, width, height, expected) is not None:
                 return seen, "region"
             # lost, or cut off by the region's rim: this frame's boxes are not given up
             seen = self._detector.detect(image)

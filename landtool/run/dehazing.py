@@ -57,6 +57,9 @@ class DehazeSummary:
             lines.append(f"transmission maps in {self._maps}" if self.dehazed else "no transmission maps")
         return lines
 
+    def facts(self, wall_s: float) -> None:
+        """Return nothing: a dehazed picture is no landing to judge."""
+
     def notes(self) -> list[str]:
         """Return which pictures of a folder could not be read."""
         if not self._unread:

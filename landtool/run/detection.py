@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from landtool.config import DetectConfig
+from landtool.detect.config import DetectorConfig
 from landtool.detect.stage import DetectStage
 from landtool.draw import Overlay
 from landtool.errors import InputError, UsageError
@@ -46,13 +47,18 @@ def load_files(config: DetectConfig) -> DetectFiles:
     Raises UsageError for a file that cannot be opened and a pad without tags to read, InputError as the files'
     readers do.
     """
-    from landtool.detect.detector import SHIPPED_MODEL, Detector  # loads ONNX Runtime
-
     pad = PadSpec.read(local_file(config.pad)) if config.pad else PadSpec()
     if config.tags.which == "pad" and not pad.tags:
         raise UsageError("the pad has no tag to read", file=config.pad, hint="add [[tags]] to it, or pass --tags none")
+    return DetectFiles(*load_detector(config.detector), pad, config.pad)
+
+
+def load_detector(config: DetectorConfig) -> tuple[Detector, Path]:
+    """Load the network that is set, or the shipped one; returns it with its file. Raises as `Detector` does."""
+    from landtool.detect.detector import SHIPPED_MODEL, Detector  # loads ONNX Runtime
+
     shipped = Path(str(resources.files("landtool"))) / "models" / SHIPPED_MODEL
-    return DetectFiles(Detector(config.detector), config.detector.model or shipped, pad, config.pad)
+    return Detector(config), config.model or shipped
 
 
 def detect(

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from landtool.camera import Camera
 from landtool.config import BOUNDS, TrackConfig
+from landtool.detect.stage import DetectStage
 from landtool.draw import Overlay
 from landtool.errors import InputError, UsageError
 from landtool.geometry import Pose
@@ -17,22 +19,32 @@ from landtool.io.calibration import match_camera, read_camera
 from landtool.io.local import local_file, nearest
 from landtool.io.poses import STRAIGHT_DOWN, EgoPoses, read_ego, read_mount
 from landtool.io.source import SourceInfo
+from landtool.landing.finder import PadFinder
+from landtool.landing.measure import PadMeasurer
+from landtool.landing.paper import PaperFinder
+from landtool.landing.stages import StageSwitch, readable_altitude_m
+from landtool.landing.tags import TagLook
 from landtool.pad import PadSpec
-from landtool.pipeline import SMALLEST_PX, process
+from landtool.pipeline import SMALLEST_PX, Finder, process
+from landtool.run.detection import load_detector
 from landtool.run.haze import dehaze_stage
 from landtool.run.recording import OnFrame, RunOutcome, RunParts, RunRequest, run_recording
 from landtool.run.tags import tag_reader
 from landtool.summary import Summary
-from landtool.tags.stage import TagStage
+from landtool.tone import parse_tone
 from landtool.tracking.ego import EgoTrajectory
 from landtool.tracking.platform import PlatformTracker
+
+if TYPE_CHECKING:
+    from landtool.detect.detector import Detector
 
 
 @dataclass(frozen=True)
 class RunFiles:
     """What the files that settings name hold. paths: all of them.
 
-    camera: None where no file is named. ego: None too where the name is that of a topic in the log.
+    camera: None where no file is named. ego: None too where the name is that of a topic in the log. detector: None for
+    a pad without the ring the network looks for.
     """
 
     paths: tuple[Path, ...]
@@ -40,6 +52,7 @@ class RunFiles:
     pad: PadSpec
     body_T_camera: Pose
     ego: EgoTrajectory | None
+    detector: Detector | None
 
 
 @dataclass(frozen=True)
@@ -50,6 +63,7 @@ class _Setup:
     pad: PadSpec
     body_T_camera: Pose
     ego: EgoTrajectory | None
+    detector: Detector | None
     notes: list[str] = field(default_factory=list)
 
 
@@ -74,6 +88,7 @@ def read_files(config: TrackConfig) -> RunFiles:
         pad,
         read_mount(config.mount) if config.mount else STRAIGHT_DOWN,
         EgoTrajectory(read_ego(ego)) if ego else None,
+        None if pad.ring is None else load_detector(config.detector)[0],
     )
 
 
@@ -97,12 +112,15 @@ def track(
     def prepare(info: SourceInfo) -> RunParts:
         setup = _resolve(config, read, info)
         tracker = PlatformTracker(config.tracker, setup.body_T_camera, setup.ego)
+        switch = StageSwitch(config.switch_altitude_m or readable_altitude_m(setup.camera, setup.pad))
         return RunParts(
             lambda frames: process(
                 frames,
-                dehazer=dehaze_stage(config.dehaze, config.dehazer),
-                tags=_tag_stage(config, setup),
+                finder=_finder(config, setup),
+                switch=switch,
                 tracker=tracker,
+                body_T_camera=setup.body_T_camera,
+                dehazer=dehaze_stage(config.dehaze, config.dehazer),
             ),
             Summary(setup.camera, setup.pad),
             Overlay(setup.camera, setup.pad),
@@ -122,8 +140,12 @@ def _resolve(config: TrackConfig, files: RunFiles, info: SourceInfo) -> _Setup:
         reason = f"its pictures of {info.width}x{info.height} pixels are too small to show a tag"
         raise InputError(reason, file=info.path, hint="give the original recording")
     notes: list[str] = []
+    if files.pad.ring is None:
+        notes.append("the pad has no ring: it is measured by its tags alone, and found by nothing but them")
     camera = _camera(config, files.camera, info, notes)
-    return _Setup(camera, files.pad, files.body_T_camera, files.ego or _ego_topic(config.ego, info), notes)
+    return _Setup(
+        camera, files.pad, files.body_T_camera, files.ego or _ego_topic(config.ego, info), files.detector, notes
+    )
 
 
 def _camera(config: TrackConfig, given: Camera | None, info: SourceInfo, notes: list[str]) -> Camera:
@@ -168,6 +190,13 @@ def _ego_topic(topic: str | None, info: SourceInfo) -> EgoTrajectory | None:
     return EgoTrajectory(EgoPoses(stamps, places, np.array([pose.quaternion_wxyz for _, pose in stamped])))
 
 
-def _tag_stage(config: TrackConfig, setup: _Setup) -> TagStage:
-    reader = tag_reader(config.tags, setup.pad)
-    return TagStage(reader, setup.pad, setup.camera, setup.body_T_camera, everywhere=config.tags.which == "all")
+def _finder(config: TrackConfig, setup: _Setup) -> Finder:
+    tone = parse_tone(config.tags.tone)
+    measurer = PadMeasurer(setup.camera, setup.pad, tone)
+    tags = TagLook(tag_reader(config.tags, setup.pad), setup.camera, setup.pad)
+    detector = None
+    if setup.detector is not None:
+        detector = DetectStage(setup.detector, regions=config.policy == "fuse", tone=tone)
+    if config.policy == "paper":
+        return PaperFinder(measurer, tags, detector, setup.body_T_camera)
+    return PadFinder(measurer, tags, detector, setup.body_T_camera, everywhere=config.tags.which == "all")

@@ -53,6 +53,11 @@ class SolutionChooser:
         self._last_ns: int | None = None
         self._in_world = False
 
+    @property
+    def costs(self) -> tuple[float, ...]:
+        """Of the last solutions, in their order: negative log likelihoods, the least is 0."""
+        return tuple(hypothesis.cost for hypothesis in self._last)
+
     def choose(self, solutions: Sequence[Solution], t_ns: int | None, world_T_body: Pose | None) -> int:
         """Return the index of the solution to believe; `solutions` holds one or two, the better fit first.
 

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import cv2
 import numpy as np
 from numpy.polynomial import chebyshev
-from numpy.typing import NDArray
 
 from landtool.camera import Camera
 from landtool.geometry import Array, Pose
@@ -21,6 +21,7 @@ from landtool.target.print_model import FINE, Plane
 from landtool.tone import Tone, linear_lut
 from landtool.types import Image
 
+Rays = TypeVar("Rays", Plane, Array)
 _NODES = 6  # a side of the grid on which the lens is looked up
 _DEGREE = 3
 _MARGIN, _MARGIN_PX = 0.04, 2.5  # about the board: of its longer side, and pixels
@@ -114,11 +115,11 @@ class _Rays:
         return inverse
 
 
-def on_print(patch_fine: tuple[Plane, Plane], camera_T_pad: Pose) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return where on the print, metres along the pad's x and y, rays through x/z, y/z meet it."""
+def on_print(flat: tuple[Rays, Rays], camera_T_pad: Pose) -> tuple[Rays, Rays]:
+    """Return where on the print, metres along the pad's x and y, the rays through x/z, y/z meet it; shapes stay."""
     # (X, Y, 1) ~ [r1 r2 t]^-1 (x, y, 1)
     plane = np.column_stack([camera_T_pad.rotation[:, :2], camera_T_pad.translation])
-    m = np.linalg.inv(plane).astype(np.float32)
-    x, y = patch_fine
+    x, y = flat
+    m = np.linalg.inv(plane).astype(x.dtype)
     by = 1.0 / (m[2, 0] * x + m[2, 1] * y + m[2, 2])
     return (m[0, 0] * x + m[0, 1] * y + m[0, 2]) * by, (m[1, 0] * x + m[1, 1] * y + m[1, 2]) * by

@@ -53,9 +53,10 @@ _MOST_LAST_STEP = 0.02
 class PrintFit:
     """The outer circle of a print's ring as an ellipse in the picture, OpenCV's pixels.
 
-    axes: (2, 2) pixels a radius, right and down on the print; half a turn more may be as right. likeness: correlation of the fitted print with the pixels within the ring, in [0, 1]. share: weight of the pixels
-    there that agree. residual: robust standard deviation of the pixels about the print, of its contrast. sigma_px:
-    standard error of the edges of the ellipse's box, the largest of them.
+    axes: (2, 2) pixels a radius, right and down on the print; half a turn more may be as right. likeness: correlation
+    of the fitted print with the pixels within the ring, in [0, 1]. share: weight of the pixels there that agree.
+    residual: robust standard deviation of the pixels about the print, of its contrast. sigma_px: standard error of the
+    edges of the ellipse's box, the largest of them.
     """
 
     ellipse: Ellipse

@@ -33,7 +33,8 @@ class Print:
     """A pad's print as textures of planes (n, n, 2): darkness, 1 is black and 0 white, and the board's coverage.
 
     A print in parts has three (n, n, 3): darkness of all but the ring, coverage, and the darkness of the ring, whose
-    paint fades and shines as it likes. levels: each averages 2x2 texels of the one before. texel: of the first, in radii. side: half the board's.
+    paint fades and shines as it likes. levels: each averages 2x2 texels of the one before. texel: of the first, in
+    radii. side: half the board's.
     """
 
     levels: tuple[Plane, ...]

@@ -5,9 +5,10 @@ The print is drawn as a camera at a pose would see it, blurred and lit, and comp
     I(u) = w c(u) + (a X + b Y) (c - d - e)(u) - k d(u) - r e(u) + sum_s g_s (1 - c(u)),
     c, d, e = blur * (coverage, darkness, the ring's darkness)(P(u; T))
 
-P takes a pixel along its ray to the print's plane. Gauss-Newton steps over the pose T, the blur's three variances, white
-w with its slope (a, b), black k and the ring r below white and the ground's light g on four sides find the least weighted squares,
-with Tukey's weights for what the print does not explain (Lucas and Kanade, 1981; Baker and Matthews, 2004).
+P takes a pixel along its ray to the print's plane. Gauss-Newton steps over the pose T, the blur's three variances,
+white w with its slope (a, b), black k and the ring r below white and the ground's light g on four sides find the least
+weighted squares, with Tukey's weights for what the print does not explain (Lucas and Kanade, 1981; Baker and Matthews,
+2004).
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from landtool.camera import Camera
-from landtool.geometry import Array, Pose
+from landtool.geometry import Array, Pose, rotvec_from_rotation
 from landtool.pad import PadSpec
 from landtool.target.patch import Patch, cut_patch, on_print
 from landtool.target.print_model import FINE, Plane, Print, blur_kernel, print_of, texture_level, to_pixels
@@ -34,6 +35,7 @@ _STEPS, _LEAST_STEPS = 10, 3  # blur and light need more than one
 _STOP = 0.004  # of the pad's radius in the picture: the next step would be several times smaller
 _LONGEST_STEP = 0.3
 _TUKEY = 4.5
+_ALIKE = 6.0  # how many neighbouring pixels' errors are one
 _LEAST_SCALE = 0.012  # of white: what no model explains
 _DISC = 1.05  # radii, of what counts for the likeness
 _BLUR, _BLUR_SIGMA = np.array([0.45, 0.0, 0.45]), 0.5
@@ -49,8 +51,8 @@ class Registered:
 
     covariance: (6, 6) of (dt, dw): t + dt in m, exp(dw) R in rad, both in the camera frame. likeness: correlation of
     the fitted print with the pixels within the ring, in [0, 1]. share: weight of the pixels there that agree. residual:
-    robust standard deviation of the pixels about the print, of its contrast. cost: minus log likelihood up to a
-    constant. pixels: that took part. at_rest: whether the last step was small.
+    robust standard deviation of the pixels about the print, of its contrast. blur_px2: (3,) variances along x, mixed
+    and along y, px^2. pixels: that took part. at_rest: whether the last step was small.
     """
 
     camera_T_pad: Pose
@@ -59,47 +61,68 @@ class Registered:
     share: float
     residual: float
     blur_px2: Array
-    cost: float
     pixels: int
     at_rest: bool
 
+    @property
+    def chi2(self) -> float:
+        """Minus twice the log likelihood, up to a constant: to compare poses in one picture.
+
+        Pixels are Gaussian about the print: n log(1 - r^2), with n the number of errors that are not one another's.
+        """
+        return self.pixels / _ALIKE * math.log(1.0 - min(self.likeness, 0.99999) ** 2)
+
+    @property
+    def reproj_px(self) -> float:
+        """What the residual is as a shift of the print's edges, pixels.
+
+        A brightness error e looks like an edge of width s that is moved by e sqrt(2 pi) s.
+        """
+        width_px = math.sqrt(max(0.5 * float(self.blur_px2[0] + self.blur_px2[2]), 0.0) + 0.2)
+        return self.residual * math.sqrt(2.0 * math.pi) * width_px
+
 
 def register_target(
-    image: Image, camera: Camera, start: Pose, pad: PadSpec, tone: Tone = "srgb", *, steps: int = _STEPS,
+    image: Image,
+    camera: Camera,
+    start: Pose,
+    pad: PadSpec,
+    tone: Tone = "srgb",
+    *,
+    turn_known: Array | None = None,
+    steps: int = _STEPS,
     most_px: float = _MOST_SIDE_PX,
-) -> Registered | None:  # fmt: skip
+) -> Registered | None:
     """Register the print near a pose that is off by no more than a tenth of the pad's size.
 
     None where the print is hardly in the picture, leaves it, or turns its back; and for a pad without ring or board.
-    image: (H, W, 3) BGR uint8 of the camera's size.
+    image: (H, W, 3) BGR uint8 of the camera's size. turn_known: (3, 3) inverse covariance, 1/rad^2, of a rotation in
+    the camera frame that leads from the start's orientation to the true one, where that was known before; the result
+    then knows both. most_px: the board is seen no wider, in a shrunken picture; the smaller, the farther a start may be
+    off.
     """
     what = print_of(pad, tone, in_parts=True)
     if what is None:
         return None
     patch = cut_patch(image, camera, start, pad, tone, most_px)
-    return None if patch is None else _Fit(patch, what, pad).run(start, steps)
-
-
-@dataclass(frozen=True, eq=False)
-class _Drawn:
-    """The print drawn into a patch: darkness and coverage (h + ., w + ., 3) at its samples; u, v: radii, of pixels."""
-
-    fine: Plane
-    u: Array
-    v: Array
+    return None if patch is None else _Fit(patch, what, pad, start, turn_known).run(steps)
 
 
 class _Fit:
-    """One registration. Parameters: pose 6, blur 3, light 9: white and its slopes, black, ring, ground on four sides."""
+    """One registration.
 
-    def __init__(self, patch: Patch, what: Print, pad: PadSpec) -> None:
+    Parameters: pose 6, blur 3, light 9: white and its slopes, black, ring, ground on four sides.
+    """
+
+    def __init__(self, patch: Patch, what: Print, pad: PadSpec, start: Pose, turn_known: Array | None) -> None:
         assert pad.ring is not None
+        self.start, self.turn_known = start, turn_known
         self.patch, self.what = patch, what
         self.radius_m = pad.ring.outer * pad.diameter_m / 2.0
         self.seen = patch.light.ravel()
 
-    def run(self, pose: Pose, steps: int) -> Registered | None:
-        blur, light = _BLUR.copy(), None
+    def run(self, steps: int) -> Registered | None:
+        pose, blur, light = self.start, _BLUR.copy(), None
         outcome = None
         for done in range(steps):
             plane_z = pose.rotation[:, 2]
@@ -125,8 +148,8 @@ class _Fit:
         if len(index) < _LEAST_PIXELS:
             return None
         dark, cover, ring = flat.reshape(-1, 3)[index].astype(np.float64).T
-        x, y = (plane.ravel()[index].astype(np.float64) for plane in self.patch.middle)
-        px, py = on_print((x, y), pose)  # type: ignore[arg-type]
+        x, y = (np.asarray(plane.ravel()[index], np.float64) for plane in self.patch.middle)
+        px, py = on_print((x, y), pose)
         u, v = -py / self.radius_m, -px / self.radius_m
         lights = _lights(u, v, dark, cover, ring)
         seen = self.seen[index].astype(np.float64)
@@ -148,17 +171,22 @@ class _Fit:
         weighted = jacobian * weight
         prior, pull = _prior(blur, light)
         information = weighted @ jacobian.T + np.diag(prior) * scale**2
-        step = _solved(information, weighted @ left + pull * scale**2)
+        gradient = weighted @ left + pull * scale**2
+        if self.turn_known is not None:
+            # in units of the pixels' own information, of which neighbours say the same several times
+            known = _ALIKE * scale**2 * self.turn_known
+            information[3:6, 3:6] += known
+            gradient[3:6] += known @ rotvec_from_rotation(self.start.rotation @ pose.rotation.T)
+        step = _solved(information, gradient)
         if step is None:
             return None
         radius_px = self.radius_m * math.sqrt(abs(np.linalg.det(self.patch.px_by_flat))) / float(pose.translation[2])
         motion = self._motion_px(pose, step[:6])
         disc = u**2 + v**2 < _DISC**2
         share = float(weight[disc].sum()) / max(float(base[disc].sum()), 1e-9)
-        rho = np.minimum(base * (left / scale) ** 2, _TUKEY**2)
         return _Linear(
             light, step, motion / radius_px, information, scale, share,
-            _correlation(model[disc], seen[disc]), float(rho.sum()) / 2.0, len(index),
+            _correlation(model[disc], seen[disc]), len(index),
         )  # fmt: skip
 
     def _draw(self, pose: Pose, blur: Array) -> Plane:
@@ -201,10 +229,10 @@ class _Fit:
         return float(np.abs(flat @ self.patch.px_by_flat.T).max())
 
     def _outcome(self, pose: Pose, blur: Array, linear: _Linear) -> Registered:
-        covariance = np.linalg.inv(linear.information)[:6, :6] * linear.scale**2
+        covariance = np.asarray(np.linalg.inv(linear.information)[:6, :6], np.float64) * (_ALIKE * linear.scale**2)
         return Registered(
             pose, covariance, linear.likeness, linear.share, linear.scale / float(linear.light[3]),
-            blur * self.patch.shrink**2, linear.cost, linear.pixels, linear.moved < 5.0 * _STOP,
+            blur * self.patch.shrink**2, linear.pixels, linear.moved < 5.0 * _STOP,
         )  # fmt: skip
 
 
@@ -217,7 +245,6 @@ class _Linear:
     scale: float
     share: float
     likeness: float
-    cost: float
     pixels: int
 
 
