@@ -32,6 +32,8 @@ BOUNDS = {
     "switch_altitude_m": (0.05, 10_000.0),
 }
 
+AUTO_TONE = "auto"
+
 # For the network's sake: what is less hazy it sees as well as without, and clear frames are to stay as they are
 LOOK_THROUGH = DehazeConfig(haze_on=0.55, haze_off=0.5)
 
@@ -45,7 +47,8 @@ class TagConfig:
     which: Literal["pad", "all", "none"] = "pad"
     # read with which = "all", besides the families of the pad
     family: str = "tag36h11"
-    # the pictures' tone curve: srgb, none, or a gamma
+    # the pictures' tone curve: srgb, none, or a gamma; with `landtool track` also auto: srgb, until the pad's own edges
+    # tell another
     tone: str = "srgb"
     # bits the decoder may correct, 0 to 2
     max_hamming: int = 1
@@ -54,7 +57,8 @@ class TagConfig:
 
     def __post_init__(self) -> None:
         canonical_name(self.family)
-        parse_tone(self.tone)
+        if self.tone != AUTO_TONE:
+            parse_tone(self.tone)
         if not 0 <= self.max_hamming <= 2:
             raise UsageError(f"max_hamming = {self.max_hamming} is impossible", hint="give 0 to 2")
         if not 0.0 <= self.min_margin <= 255.0:
@@ -97,12 +101,14 @@ class TrackConfig:
     # smooth the tracks over the whole run, too (Rauch-Tung-Striebel): further columns in tracks.csv
     smooth: bool = False
     detector: DetectorConfig = field(default_factory=DetectorConfig)
-    tags: TagConfig = field(default_factory=TagConfig)
+    tags: TagConfig = field(default_factory=lambda: TagConfig(tone=AUTO_TONE))
     tracker: TrackerConfig = field(default_factory=TrackerConfig)
 
     def __post_init__(self) -> None:
         _refuse_unknown_outputs(self.save, TRACK_SAVES)
         _refuse_out_of_bounds(self)
+        if self.smooth and "csv" not in self.save:
+            raise UsageError("smoothing adds columns to tracks.csv, which is not saved", hint="add csv to --save")
         if self.tags.which == "none":
             raise UsageError("a track without tags has nothing to measure", hint="give tags.which = pad or all")
         if self.camera_name is not None and self.camera is None:
@@ -136,6 +142,8 @@ class DetectConfig:
     tags: TagConfig = field(default_factory=TagConfig)
 
     def __post_init__(self) -> None:
+        if self.tags.tone == AUTO_TONE:
+            raise UsageError("without a camera no tone curve can be gauged", hint="give tone = srgb, none or a gamma")
         _refuse_unknown_outputs(self.save, SAVES)
         _refuse_out_of_bounds(self)
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict
 from typing import Any
 
 from landtool.camera import Camera
@@ -12,6 +13,7 @@ from landtool.pad import PadSpec
 from landtool.report.facts import facts
 from landtool.report.verdict import VerdictLog
 from landtool.report.words import verdict_lines
+from landtool.target.tone_gauge import ToneEstimate
 from landtool.types import Frame, FrameResult, LostFrame
 
 # A corner further off than this was not misread by noise
@@ -44,15 +46,21 @@ class Summary:
     """The verdict on a landing, and what makes it less than it seems; memory does not grow with the run's length.
 
     switch_altitude_m: where far becomes near, None where the stages do not go by altitude. nis_dof: numbers a
-    measurement of the filter has. frames, posed (with a pose), tags (read, all ids). misfits: poses whose corners lie
-    far from their places. unmeasured: pictures of another size than the camera's. unplaced: poses at whose time the
-    drone's own is not known.
+    measurement of the filter has. tone: what the pad's edges tell of the pictures' curve. frames, posed (with a pose),
+    tags (read, all ids). misfits: poses whose corners lie far from their places. unmeasured: pictures of another size
+    than the camera's. unplaced: poses at whose time the drone's own is not known.
     """
 
     def __init__(
-        self, camera: Camera, pad: PadSpec, *, switch_altitude_m: float | None = None, nis_dof: int = 2
+        self,
+        camera: Camera,
+        pad: PadSpec,
+        *,
+        switch_altitude_m: float | None = None,
+        nis_dof: int = 2,
+        tone: Callable[[], ToneEstimate | None] = lambda: None,
     ) -> None:
-        self._pad = pad
+        self._pad, self._tone = pad, tone
         self._switch_altitude_m = switch_altitude_m
         self.assumed = camera.assumed
         self._size = camera.width, camera.height
@@ -91,13 +99,19 @@ class Summary:
             self._log.verdict(), diameter_m=self._pad.diameter_m, switch_altitude_m=self._switch_altitude_m
         )
         said += self._haze.lines()
+        told = self._tone()
+        if told is not None:
+            said.append(_of_tone(told))
         if self.assumed:
             said.append(f"camera assumed: {self.assumed}; distances are as good as that")
         return said
 
     def facts(self, wall_s: float) -> dict[str, Any]:
         """Return the verdict as plain values; wall_s: what the run took."""
-        return facts(self._log.verdict(), wall_s=wall_s, switch_altitude_m=self._switch_altitude_m)
+        judged = facts(self._log.verdict(), wall_s=wall_s, switch_altitude_m=self._switch_altitude_m)
+        told = self._tone()
+        tone = None if told is None else asdict(told)
+        return judged | {"tone": tone}
 
     def notes(self) -> list[str]:
         """Return what makes the results less than they seem, one sentence each."""
@@ -119,6 +133,12 @@ class Summary:
             place = f"the drone's own pose is not known at {self.unplaced} of the {self.posed} poses of the pad"
             said.append(f"{place}; check that --ego covers the recording and is on its clock")
         return said
+
+
+def _of_tone(told: ToneEstimate) -> str:
+    measured = f"gamma {told.gamma:.2f} +- {told.sigma_gamma:.2f}, blur {told.blur_px:.1f} px, of {told.frames} frames"
+    advice = f"--tone {told.tone} uses it from the start" if told.is_settled else "not sure enough to be used"
+    return f"tone curve by the pad's edges: {measured}; {advice}"
 
 
 class DetectionSummary:

@@ -71,6 +71,13 @@ def _tracks(result: FrameResult) -> Iterator[Row]:
         yield result.index, result.t_ns, t.track_id, t.status, t.reference, *values, t.nis, t.horizon_s, *predicted
 
 
+def _predictions(result: FrameResult) -> Iterator[Row]:
+    for t in result.tracks:
+        for ahead in t.predictions:
+            values = (float(v) for v in (*ahead.xy_m, *np.diag(ahead.covariance)))
+            yield result.index, result.t_ns, t.track_id, t.reference, ahead.horizon_s, *values
+
+
 def _frames(result: FrameResult) -> Iterator[Row]:
     r = result
     yield r.index, r.t_ns, r.file, r.status, r.haze, int(r.dehazed), r.stage, r.search, r.reason
@@ -88,6 +95,11 @@ _PLACE = "x_m y_m z_m qw qx qy qz"
 _POSE = f"{_PLACE} var_x_m2 var_y_m2 var_z_m2 var_rot_rad2 ambiguity reproj_px"
 _TRACK = "x_m y_m vx_mps vy_mps var_x_m2 var_y_m2 var_vx var_vy nis horizon_s x_pred_m y_pred_m"
 
+SMOOTHED: Columns = _floats(
+    "smooth_x_m smooth_y_m smooth_vx_mps smooth_vy_mps smooth_var_x_m2 smooth_var_y_m2 smooth_var_vx smooth_var_vy"
+)
+"""The columns that smoothing adds to tracks.csv: the track as the whole run says, in the same units."""
+
 TABLES: dict[str, Table] = {
     "detections.csv": Table(
         {**_WHEN, "label": str, **_floats("score x_min_px y_min_px x_max_px y_max_px")},
@@ -102,6 +114,10 @@ TABLES: dict[str, Table] = {
     "tracks.csv": Table(
         {**_WHEN, "track_id": int, "state": str, "reference": str, **_floats(_TRACK)},
         _tracks,
+    ),
+    "predictions.csv": Table(
+        {**_WHEN, "track_id": int, "reference": str, **_floats("horizon_s x_pred_m y_pred_m var_x_m2 var_y_m2")},
+        _predictions,
     ),
     "frames.csv": Table(
         {

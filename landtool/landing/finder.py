@@ -25,6 +25,7 @@ from landtool.landing.follower import PadFollower
 from landtool.landing.measure import PRINT_PX, PadMeasurer
 from landtool.landing.tags import TagLook
 from landtool.target.sight import look_at
+from landtool.target.tone_gauge import ToneGauge
 from landtool.tracking.platform import ExpectedPad
 from landtool.types import Detection, Frame, Image, PadPose, Search, Stage, TagObservation
 
@@ -67,7 +68,8 @@ class Found:
 class PadFinder:
     """Looks for pads frame by frame. detector: None where there is none, as for a pad without a ring.
 
-    body_T_camera: the camera's mount. everywhere: read the tags of every whole picture.
+    body_T_camera: the camera's mount. everywhere: read the tags of every whole picture. gauge: tells the pictures' tone
+    curve while the pad is near; what it settles on is used from then on.
     """
 
     def __init__(
@@ -78,8 +80,9 @@ class PadFinder:
         body_T_camera: Pose,
         *,
         everywhere: bool = False,
+        gauge: ToneGauge | None = None,
     ) -> None:
-        self.measurer, self._tags, self._detector = measurer, tags, detector
+        self.measurer, self._tags, self._detector, self._gauge = measurer, tags, detector, gauge
         self._body_T_camera, self._everywhere = body_T_camera, everywhere
         self._followers: dict[int, PadFollower] = {}
         self._looked_round = -LOOK_ROUND_EVERY
@@ -97,7 +100,16 @@ class PadFinder:
         look = _Look(self, frame, clear, stage, expected, world_T_body)
         found = look.run()
         self._lost_for = 0 if found.pads else self._lost_for + 1
+        if self._gauge is not None and found.pads and found.pads[0].pose.method != "box":
+            self._gauge_tone(self._gauge, frame.image, found.pads[0].pose.camera_T_pad)
         return found
+
+    def _gauge_tone(self, gauge: ToneGauge, image: Image, camera_T_pad: Pose) -> None:
+        gauge.add(image, camera_T_pad)
+        told = gauge.estimate()
+        if told is not None and told.is_settled and told.tone != self.measurer.tone:
+            self.measurer = replace(self.measurer, tone=told.tone)
+            self._tags.use_tone(told.tone)
 
     def keep(self, found: Found, taken: Sequence[int | None], living: Sequence[int]) -> None:
         """Take in which track each found pad went to, None for none, and which tracks live."""

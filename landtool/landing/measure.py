@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,12 +34,18 @@ _FEW_STEPS = 6
 _RANGE_SHARE, _ACROSS_SHARE, _TURN_RAD = 0.0008, 0.0001, math.radians(0.35)
 
 
+@dataclass(frozen=True)
 class PadMeasurer:
     """Measures pads in pictures (H, W, 3) BGR uint8 of the camera's size. tone: the pictures' curve."""
 
-    def __init__(self, camera: Camera, pad: PadSpec, tone: Tone) -> None:
-        self.camera, self.pad, self.tone = camera, pad, tone
-        self.has_print = pad.ring is not None and pad.board is not None
+    camera: Camera
+    pad: PadSpec
+    tone: Tone
+
+    @property
+    def has_print(self) -> bool:
+        """Whether the pad has what its whole print is registered by."""
+        return self.pad.ring is not None and self.pad.board is not None
 
     def size_px(self, camera_T_pad: Pose) -> float:
         """Return about how wide a pad is seen, pixels."""

@@ -82,7 +82,7 @@ class RunParts:
     """What a run is put together from, once its source is known. measure: from frames to results.
 
     camera, pad, body_T_camera: for the outputs that tell of them, None where there are none. nis_dof: numbers a
-    measurement of the filter has, 2 or 4.
+    measurement of the filter has, 2 or 4. finish: what is left to do in the folder when all frames are written.
     """
 
     measure: Callable[[Iterable[Frame | LostFrame]], Results]
@@ -94,6 +94,7 @@ class RunParts:
     pad: PadSpec | None = None
     body_T_camera: Pose | None = None
     nis_dof: int = 2
+    finish: Callable[[Path], None] = lambda _folder: None
     notes: tuple[str, ...] = ()
 
 
@@ -144,6 +145,7 @@ def run_recording(request: RunRequest, prepare: Callable[[SourceInfo], RunParts]
         ahead = stack.enter_context(closing(prefetch(parts.measure(frames), _AHEAD)))
         with open_sinks(config.save, setup) as sinks:
             written = write_all(parts.summary.watch(ahead), sinks, request.on_frame)
+        parts.finish(temporary)
         said = (*parts.notes, *source.info.notes, *source.report.notes, *(n for s in sinks for n in s.notes))
         outcome = RunOutcome(
             request.folder,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from landtool.camera import Camera
-from landtool.config import BOUNDS, TrackConfig
+from landtool.config import AUTO_TONE, BOUNDS, TrackConfig
 from landtool.detect.stage import DetectStage
 from landtool.draw import Overlay
 from landtool.errors import InputError, UsageError
@@ -29,9 +29,11 @@ from landtool.pipeline import SMALLEST_PX, Finder, process
 from landtool.run.detection import load_detector
 from landtool.run.haze import dehaze_stage
 from landtool.run.recording import OnFrame, RunOutcome, RunParts, RunRequest, run_recording
+from landtool.run.smoothing import add_smoothed
 from landtool.run.tags import tag_reader
 from landtool.summary import Summary
-from landtool.tone import parse_tone
+from landtool.target.tone_gauge import ToneGauge
+from landtool.tone import Tone, parse_tone
 from landtool.tracking.ego import EgoTrajectory
 from landtool.tracking.platform import PlatformTracker
 
@@ -44,7 +46,7 @@ class RunFiles:
     """What the files that settings name hold. paths: all of them.
 
     camera: None where no file is named. ego: None too where the name is that of a topic in the log. detector: None for
-    a pad without the ring the network looks for.
+    a pad without the ring the network looks for; model: its file.
     """
 
     paths: tuple[Path, ...]
@@ -53,6 +55,7 @@ class RunFiles:
     body_T_camera: Pose
     ego: EgoTrajectory | None
     detector: Detector | None
+    model: Path | None
 
 
 @dataclass(frozen=True)
@@ -88,7 +91,7 @@ def read_files(config: TrackConfig) -> RunFiles:
         pad,
         read_mount(config.mount) if config.mount else STRAIGHT_DOWN,
         EgoTrajectory(read_ego(ego)) if ego else None,
-        None if pad.ring is None else load_detector(config.detector)[0],
+        *((None, None) if pad.ring is None else load_detector(config.detector)),
     )
 
 
@@ -111,27 +114,37 @@ def track(
 
     def prepare(info: SourceInfo) -> RunParts:
         setup = _resolve(config, read, info)
-        tracker = PlatformTracker(config.tracker, setup.body_T_camera, setup.ego)
+        tracker = PlatformTracker(config.tracker, setup.body_T_camera, setup.ego, record=config.smooth)
         switch = StageSwitch(config.switch_altitude_m or readable_altitude_m(setup.camera, setup.pad))
+        gauge = ToneGauge(setup.pad, setup.camera, "srgb") if config.tags.tone == AUTO_TONE else None
+        nis_dof = 4 if config.tracker.measurement == "paper" else 2
         return RunParts(
             lambda frames: process(
                 frames,
-                finder=_finder(config, setup),
+                finder=_finder(config, setup, gauge),
                 switch=switch,
                 tracker=tracker,
                 body_T_camera=setup.body_T_camera,
                 dehazer=dehaze_stage(config.dehaze, config.dehazer),
             ),
-            Summary(setup.camera, setup.pad),
+            Summary(
+                setup.camera,
+                setup.pad,
+                switch_altitude_m=switch.altitude_m,
+                nis_dof=nis_dof,
+                tone=gauge.estimate if gauge is not None else lambda: None,
+            ),
             Overlay(setup.camera, setup.pad),
             camera_T_reference=lambda result: tracker.camera_T_reference(result.t_ns),
             camera=setup.camera,
             pad=setup.pad,
             body_T_camera=setup.body_T_camera,
+            nis_dof=nis_dof,
+            finish=lambda made: add_smoothed(made, tracker.smoothed()) if config.smooth else None,
             notes=tuple(setup.notes),
         )
 
-    request = RunRequest("track", path, folder, config, read.paths, None, overwrite, on_start, on_frame)
+    request = RunRequest("track", path, folder, config, read.paths, read.model, overwrite, on_start, on_frame)
     return run_recording(request, prepare)
 
 
@@ -190,8 +203,8 @@ def _ego_topic(topic: str | None, info: SourceInfo) -> EgoTrajectory | None:
     return EgoTrajectory(EgoPoses(stamps, places, np.array([pose.quaternion_wxyz for _, pose in stamped])))
 
 
-def _finder(config: TrackConfig, setup: _Setup) -> Finder:
-    tone = parse_tone(config.tags.tone)
+def _finder(config: TrackConfig, setup: _Setup, gauge: ToneGauge | None) -> Finder:
+    tone: Tone = "srgb" if gauge is not None else parse_tone(config.tags.tone)
     measurer = PadMeasurer(setup.camera, setup.pad, tone)
     tags = TagLook(tag_reader(config.tags, setup.pad), setup.camera, setup.pad)
     detector = None
@@ -199,4 +212,4 @@ def _finder(config: TrackConfig, setup: _Setup) -> Finder:
         detector = DetectStage(setup.detector, regions=config.policy == "fuse", tone=tone)
     if config.policy == "paper":
         return PaperFinder(measurer, tags, detector, setup.body_T_camera)
-    return PadFinder(measurer, tags, detector, setup.body_T_camera, everywhere=config.tags.which == "all")
+    return PadFinder(measurer, tags, detector, setup.body_T_camera, everywhere=config.tags.which == "all", gauge=gauge)

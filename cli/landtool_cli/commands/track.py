@@ -9,7 +9,9 @@ from typing import Any
 
 import click
 
+from landtool.config import BOUNDS as SETTINGS_BOUNDS
 from landtool.config import TRACK_SAVED, TRACK_SAVES, TrackConfig
+from landtool.detect.config import BOUNDS as DETECTOR_BOUNDS
 from landtool.errors import UsageError
 from landtool.families import FAMILIES
 from landtool.run.tracking import read_files, track
@@ -21,10 +23,13 @@ from landtool_cli.settings import from_file, with_options
 
 TRACKER = {
     "horizon": ("horizon_s", "S", "How far ahead the platform's place is predicted.  [default: 0.5]"),
-    "accel-sigma": ("accel_sigma_mps2", "A", "Process noise, m/s^2.  [default: 2]"),
+    "camera-delay": ("camera_delay_s", "S", "How long before its stamp a picture was exposed.  [default: 0]"),
+    "accel-sigma": ("accel_sigma_mps2", "A", "Process noise, m/s^2.  [default: 1]"),
     "gate": ("gate_probability", "P", "Share of right measurements that pass the gate.  [default: 0.999]"),
     "coast": ("coast_s", "S", "A track ends this long after its last measurement.  [default: 2]"),
 }
+
+SCORE = options.FiniteRange(*DETECTOR_BOUNDS["conf"])
 
 
 def tracker_options(function: Any) -> Any:
@@ -45,12 +50,33 @@ def tracker_options(function: Any) -> Any:
 @click.option("--diameter", "diameter_m", type=options.DIAMETER_M, metavar="M", help="Ring diameter D of the pad.")
 @click.option("--mount", type=options.PATH, metavar="FILE", help="Camera on the body, TOML.  [default: straight down]")
 @click.option("--ego", metavar="FILE|TOPIC", help="The drone's own poses: CSV, TUM, or a topic of the MCAP input.")
+@click.option(
+    "--model", "detector__model", type=options.PATH, metavar="FILE", help="An ONNX network.  [default: the shipped one]"
+)
+@click.option("--conf", "detector__conf", type=SCORE, metavar="S", help="Least score of a box.  [default: 0.25]")
+@click.option(
+    "--switch-altitude",
+    "switch_altitude_m",
+    type=options.FiniteRange(*SETTINGS_BOUNDS["switch_altitude_m"]),
+    metavar="M",
+    help="Height over the pad where the far stage gives way to the near one.  [default: where the tag is readable]",
+)
+@click.option(
+    "--policy",
+    type=click.Choice(["fuse", "paper"]),
+    help="Use what is seen best in each frame, or the paper's hard switch from boxes to the tag.  [default: fuse]",
+)
 @options.dehaze
 @options.topic
 @options.fps
 @click.option("--tags", "tags__which", type=click.Choice(["pad", "all"]), help="Which tags to read.  [default: pad]")
 @click.option("--family", "tags__family", metavar="NAME", help=f"For --tags all: {', '.join(FAMILIES)}.")
-@click.option("--tone", "tags__tone", metavar="srgb|none|GAMMA", help="Tone curve of the pictures.  [default: srgb]")
+@click.option(
+    "--tone",
+    "tags__tone",
+    metavar="auto|srgb|none|GAMMA",
+    help="Tone curve of the pictures; auto: by the pad's edges.  [default: auto]",
+)
 @click.option("--max-hamming", "tags__max_hamming", type=click.IntRange(0, 2), help="Corrected bits.  [default: 1]")
 @click.option(
     "--min-margin",
@@ -65,6 +91,13 @@ def tracker_options(function: Any) -> Any:
     type=click.Choice(["position", "paper"]),
     help="What the filter is given: positions, or also velocities made of two of them.  [default: position]",
 )
+@click.option(
+    "--motion",
+    "tracker__motion",
+    type=click.Choice(["adaptive", "constant-velocity"]),
+    help="How the platform is expected to move.  [default: adaptive]",
+)
+@click.option("--smooth/--no-smooth", default=None, help="Add the smoothed track to tracks.csv.")
 @click.option(
     "--save", metavar="LIST", help=f"Outputs, of {', '.join(TRACK_SAVES)}.  [default: {','.join(TRACK_SAVED)}]"
 )
