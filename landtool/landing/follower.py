@@ -46,6 +46,7 @@ class PadFollower:
         self._in_world = False
         self._mirror_ns: int | None = None
         self._worth = _WORTH
+        self._before: Registered | None = None
         self._heading_odds = 0.0
         self.heading_known = False
 
@@ -55,6 +56,7 @@ class PadFollower:
         best = solutions[chosen]
         self.heading_known = True
         reference_R_camera = self._reference_R_camera(t_ns, world_T_body)
+        self._before = None
         self._turns = (turns.measured(best.camera_T_pad, best.covariance, reference_R_camera, 0.0),)
         covariance, other, ambiguity = with_doubt(best.camera_T_pad, best.covariance), None, 0.0
         if len(solutions) == 2:
@@ -95,7 +97,7 @@ class PadFollower:
         found = []
         for turn in known:
             start = Pose(reference_R_camera.T @ turn.reference_R_pad, place.translation)
-            seen = measurer.by_print(image, start, turn.known(reference_R_camera))
+            seen = measurer.by_print(image, start, turn.known(reference_R_camera), before=self._before)
             if seen is not None:
                 found.append((seen, self._cost(turn, seen, reference_R_camera)))
         if len(known) == 1 and found and self._mirror_is_due(measurer, found[0][0], t_ns):
@@ -129,7 +131,7 @@ class PadFollower:
         self, image: Image, measurer: PadMeasurer, seen: Registered, turn: Turn, reference_R_camera: Array
     ) -> list[tuple[Registered, float]]:
         """Return the mirror image of a pose, where the picture shows that as well."""
-        other = measurer.by_print(image, mirrored(seen.camera_T_pad))
+        other = measurer.by_print(image, mirrored(seen.camera_T_pad), before=seen)
         if other is None or other.camera_T_pad.angle_to(seen.camera_T_pad) < turns.SAME_RAD:
             return []
         if not self._turns:
@@ -170,6 +172,8 @@ class PadFollower:
         ]
         order = sorted(range(len(found)), key=lambda i: costs[i])
         best, least = found[order[0]][0], costs[order[0]]
+        # a near pad moves on by much, and is seen in part: it is begun anew
+        self._before = best if measurer.size_px(best.camera_T_pad) < _MIRROR_PX else None
         half_turn = self._settle_heading(image, measurer, best)
         pose = best.camera_T_pad @ half_turn
         kept = [i for i in order if costs[i] - least < turns.DECIDED and self._is_other(i, order, found)]

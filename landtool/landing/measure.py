@@ -68,25 +68,34 @@ class PadMeasurer:
         return solutions
 
     def by_print(
-        self, image: Image, start: Pose, turn_known: Array | None = None, *, is_new: bool = False
+        self,
+        image: Image,
+        start: Pose,
+        turn_known: Array | None = None,
+        *,
+        is_new: bool = False,
+        before: Registered | None = None,
     ) -> Registered | None:
         """Return the pose near one that explains the whole print; None where it is not seen.
 
         turn_known: (3, 3) inverse covariance of what is known of the start's orientation, as `register_target` has it.
+        before: the same pad's in the last picture.
         """
         if not self.has_print:
             return None
         least = _LIKE_NEW if is_new else _LIKE_EXPECTED
-        found = self._registered(image, start, turn_known, least)
+        found = self._registered(image, start, turn_known, least, before)
         if found is None and not is_new:
             coarse = register_target(image, self.camera, start, self.pad, self.tone, most_px=_COARSE_PX)
             if coarse is not None and coarse.likeness >= _LIKE_COARSE and faces_camera(coarse.camera_T_pad):
                 nearer = Pose(start.rotation, coarse.camera_T_pad.translation)
-                found = self._registered(image, nearer, turn_known, least)
+                found = self._registered(image, nearer, turn_known, least, None)
         return found
 
-    def _registered(self, image: Image, start: Pose, turn_known: Array | None, least: float) -> Registered | None:
-        found = register_target(image, self.camera, start, self.pad, self.tone, turn_known=turn_known)
+    def _registered(
+        self, image: Image, start: Pose, turn_known: Array | None, least: float, before: Registered | None
+    ) -> Registered | None:
+        found = register_target(image, self.camera, start, self.pad, self.tone, turn_known=turn_known, before=before)
         if found is None or not found.at_rest or found.likeness < least or found.share < _LEAST_SHARE:
             return None
         return found if faces_camera(found.camera_T_pad) else None
@@ -98,7 +107,7 @@ class PadMeasurer:
     def half_turn_odds(self, image: Image, found: Registered) -> float | None:
         """Return how much likelier a pose is than half a turn from it, as a log ratio; None if that is no fit."""
         start = found.camera_T_pad @ HALF_TURN
-        other = register_target(image, self.camera, start, self.pad, self.tone, steps=_FEW_STEPS)
+        other = register_target(image, self.camera, start, self.pad, self.tone, steps=_FEW_STEPS, before=found)
         return None if other is None else 0.5 * (other.chi2 - found.chi2)
 
 

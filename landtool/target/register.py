@@ -32,7 +32,8 @@ _MOST_SIDE_PX = 84.0  # of the board in the patch
 _LEAST_PIXELS = 40
 _LEAST_COVER = 0.35  # of a pixel by the board, to take part
 _STEPS, _LEAST_STEPS = 10, 3  # blur and light need more than one
-_STOP = 0.004  # of the pad's radius in the picture: the next step would be several times smaller
+_STOP = 0.006  # of the pad's radius in the picture: the next step would be several times smaller
+_AT_REST = 0.03
 _LONGEST_STEP = 0.3
 _TUKEY = 4.5
 _ALIKE = 6.0  # how many neighbouring pixels' errors are one
@@ -52,7 +53,8 @@ class Registered:
     covariance: (6, 6) of (dt, dw): t + dt in m, exp(dw) R in rad, both in the camera frame. likeness: correlation of
     the fitted print with the pixels within the ring, in [0, 1]. share: weight of the pixels there that agree. residual:
     robust standard deviation of the pixels about the print, of its contrast. blur_px2: (3,) variances along x, mixed
-    and along y, px^2. pixels: that took part. at_rest: whether the last step was small.
+    and along y, px^2. light: (9,) as the fit's parameters. pixels: that took part. at_rest: whether the last step was
+    small.
     """
 
     camera_T_pad: Pose
@@ -61,6 +63,7 @@ class Registered:
     share: float
     residual: float
     blur_px2: Array
+    light: Array
     pixels: int
     at_rest: bool
 
@@ -92,6 +95,7 @@ def register_target(
     turn_known: Array | None = None,
     steps: int = _STEPS,
     most_px: float = _MOST_SIDE_PX,
+    before: Registered | None = None,
 ) -> Registered | None:
     """Register the print near a pose that is off by no more than a tenth of the pad's size.
 
@@ -99,13 +103,13 @@ def register_target(
     image: (H, W, 3) BGR uint8 of the camera's size. turn_known: (3, 3) inverse covariance, 1/rad^2, of a rotation in
     the camera frame that leads from the start's orientation to the true one, where that was known before; the result
     then knows both. most_px: the board is seen no wider, in a shrunken picture; the smaller, the farther a start may be
-    off.
+    off. before: the same pad's in the last picture, whose blur and light this one begins with.
     """
     what = print_of(pad, tone, in_parts=True)
     if what is None:
         return None
     patch = cut_patch(image, camera, start, pad, tone, most_px)
-    return None if patch is None else _Fit(patch, what, pad, start, turn_known).run(steps)
+    return None if patch is None else _Fit(patch, what, pad, start, turn_known).run(steps, before)
 
 
 class _Fit:
@@ -121,8 +125,10 @@ class _Fit:
         self.radius_m = pad.ring.outer * pad.diameter_m / 2.0
         self.seen = patch.light.ravel()
 
-    def run(self, steps: int) -> Registered | None:
-        pose, blur, light = self.start, _BLUR.copy(), None
+    def run(self, steps: int, before: Registered | None) -> Registered | None:
+        pose, blur, light, least_steps = self.start, _BLUR.copy(), None, _LEAST_STEPS
+        if before is not None:
+            blur, light, least_steps = _limited(before.blur_px2 / self.patch.shrink**2), before.light, 1
         outcome = None
         for done in range(steps):
             plane_z = pose.rotation[:, 2]
@@ -133,12 +139,12 @@ class _Fit:
                 return None
             light = linear.light
             step, moved = linear.step, linear.moved
-            outcome = self._outcome(pose, blur, linear)
-            if moved < _STOP and done + 1 >= _LEAST_STEPS:
-                break
             shorter = min(1.0, _LONGEST_STEP / moved)
             pose, blur = pose.perturbed(shorter * step[:6]), _limited(blur + shorter * step[6:9])
             light = light + shorter * step[9:]
+            outcome = self._outcome(pose, blur, light, linear)
+            if moved < _STOP and done + 1 >= least_steps:
+                break
         return outcome
 
     def _linearise(self, pose: Pose, blur: Array, light: Array | None) -> _Linear | None:
@@ -228,11 +234,11 @@ class _Fit:
         flat = moved[:, :2] / np.maximum(moved[:, 2:], 1e-6) - seen[:, :2] / seen[:, 2:]
         return float(np.abs(flat @ self.patch.px_by_flat.T).max())
 
-    def _outcome(self, pose: Pose, blur: Array, linear: _Linear) -> Registered:
+    def _outcome(self, pose: Pose, blur: Array, light: Array, linear: _Linear) -> Registered:
         covariance = np.asarray(np.linalg.inv(linear.information)[:6, :6], np.float64) * (_ALIKE * linear.scale**2)
         return Registered(
-            pose, covariance, linear.likeness, linear.share, linear.scale / float(linear.light[3]),
-            blur * self.patch.shrink**2, linear.pixels, linear.moved < 5.0 * _STOP,
+            pose, covariance, linear.likeness, linear.share, linear.scale / max(float(light[3]), 1e-3),
+            blur * self.patch.shrink**2, light, linear.pixels, linear.moved < _AT_REST,
         )  # fmt: skip
 
 
