@@ -261,7 +261,7 @@ class _Look:
         expected: Pose | None = None,
     ) -> bool:
         self.tags += tags
-        solutions = self._timed("target", lambda: self.measurer.by_tags(self.frame.image, tags))
+        solutions = self._timed("target", lambda: self.measurer.by_tags(self.frame.image, tags, expected))
         if not solutions:
             self.said.append("no pose explains the tag's corners")
             return False

@@ -30,6 +30,7 @@ _COARSE_PX, _LIKE_COARSE = 26.0, 0.5
 # Of pads so narrow every pixel of the print counts more than the tag's corners and the few edges that are long enough
 PRINT_PX = 90.0
 _FEW_STEPS = 6
+_WELL_PX = 0.7  # corners nearer to their places, RMS: the start was no worse than another
 # What is not known of any pad and lens: of the distance along the ray and across it, and of the orientation
 _RANGE_SHARE, _ACROSS_SHARE, _TURN_RAD = 0.0008, 0.0001, math.radians(0.35)
 
@@ -51,14 +52,22 @@ class PadMeasurer:
         """Return about how wide a pad is seen, pixels."""
         return self.camera.fx * self.pad.diameter_m / max(float(camera_T_pad.translation[2]), 1e-6)
 
-    def by_tags(self, image: Image, tags: Sequence[TagObservation]) -> tuple[Solution, ...]:
+    def by_tags(
+        self, image: Image, tags: Sequence[TagObservation], expected: Pose | None = None
+    ) -> tuple[Solution, ...]:
         """Return the poses that fit the tags' corners, refined on the large edges; the better fit first.
 
-        The edges decide where the tags leave the orientation open; without them both solutions remain.
+        The edges decide where the tags leave the orientation open; without them both solutions remain. expected: where
+        the pad should be, a start that spares the two of the tags.
         """
         corners = pad_corners(tags, self.camera, self.pad)
         if corners is None:
             return ()
+        if expected is not None:
+            start = Solution(expected, np.eye(6), 0.0, 0.0)
+            refined = refine_on_edges(image, corners, start, self.pad, self.tone)
+            if refined is not None and refined.reproj_px < _WELL_PX:
+                return (refined,)
         solutions = pad_solutions(corners)
         # from either of the two the edges lead to the one true pose, so the second is tried only if the first fails
         for solution in solutions:

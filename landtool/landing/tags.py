@@ -75,6 +75,8 @@ class TagLook:
         """Return the pad's own tags in groups, one a pad in the picture, the largest first."""
         groups: list[tuple[Array, float, list[TagObservation]]] = []
         ours = [tag for tag in tags if (tag.family, tag.tag_id) in self._ours]
+        if len(ours) < 2:
+            return [tuple(ours)] if ours else []
         for tag in sorted(ours, key=lambda t: -float(np.ptp(t.corners_px, axis=0).max())):
             middle, radius = self._pad_px(tag)
             for centre, reach, group in groups:
