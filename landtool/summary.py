@@ -86,7 +86,7 @@ class Summary:
             return
         self.posed += 1
         self.unplaced += "own pose is not known" in result.reason
-        self.misfits += result.pose.reproj_px > _MISFIT_PX
+        self.misfits += result.pose.method == "tag" and result.pose.reproj_px > _MISFIT_PX
 
     @property
     def lossy(self) -> bool:
