@@ -54,6 +54,7 @@ def panel_lines(
 
 def _metric_lines(pose: PadPose | None, track: Track | None, camera_T_reference: Pose | None) -> list[Line]:
     lines = [
+        Line("measured by", UNKNOWN if pose is None else pose.method),
         Line("distance", UNKNOWN if pose is None else f"{distance_m(pose):.2f} m", mark=MEASURED),
         Line("lateral", UNKNOWN if pose is None else f"{lateral_m(pose, camera_T_reference):.2f} m"),
     ]

@@ -117,7 +117,7 @@ class TestTarget:
 class TestPixels:
     def test_boxes_and_tags_need_no_camera(self) -> None:
         corners = np.array([[300.0, 200.0], [340.0, 205.0], [335.0, 245.0], [295.0, 240.0]])
-        tag = TagObservation("tag36h11", 5, 0, 60.0, corners, 0.1)
+        tag = TagObservation("tag36h11", 5, 0, 60.0, corners, 0.01 * np.eye(8))
         box = Detection("pad", 0.9, 250.0, 150.0, 420.0, 330.0)
         result = FrameResult(0, None, detections=(box,), tags=(tag,), pose=a_pose(), tracks=(a_track(),))
         image = Overlay().draw(a_frame(t_ns=None), result, CAMERA_T_WORLD)
