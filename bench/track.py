@@ -1,4 +1,4 @@
-"""Poses on rendered truth by distance, mirror poses, time and memory of the near stage."""
+"""Poses on rendered truth by distance, mirror poses, time a frame and memory of the near stage."""
 
 from __future__ import annotations
 
@@ -13,13 +13,12 @@ from apriltag import apriltag
 
 from bench.show import median_ms, table
 from landtool.geometry import Pose
-from landtool.io.poses import STRAIGHT_DOWN
 from landtool.tags.pose import pad_corners, pad_solutions
 from landtool.tags.reader import ReaderConfig, TagReader
-from landtool.tags.stage import TagStage
 from landtool.types import Frame, Image
+from tests.method import followed
 from tests.scenes import CAMERA, PAD, photograph, view
-from tests.unit.tags.test_stage import flips
+from tests.unit.landing.test_approach import flips
 
 DISTANCES_M = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 VIEWS = 30
@@ -55,7 +54,7 @@ def _poses_by_distance() -> None:
             found = {
                 "library": _library_pose(library, image),
                 "tag": _tag_pose(reader, image),
-                "target": _stage_pose(reader, image),
+                "target": _found_pose(image),
             }
             for way, pose in found.items():
                 if pose is not None:
@@ -68,7 +67,7 @@ def _poses_by_distance() -> None:
     head = ["m", "px"] + [f"{way} {what}" for way in ("AprilTag", "tag", "landtool") for what in ("n", "range%", "deg")]
     table(
         "Pose, median error by distance; tilt 0-35 degrees, noise 3. AprilTag: whole frame, IPPE, lower error; tag: "
-        "registered corners; landtool: with ring and H",
+        "registered corners; landtool: with the whole print",
         head,
         rows,
     )
@@ -89,8 +88,10 @@ def _tag_pose(reader: TagReader, image: Image) -> Pose | None:
     return None if corners is None else pad_solutions(corners)[0].camera_T_pad
 
 
-def _stage_pose(reader: TagReader, image: Image) -> Pose | None:
-    pose = TagStage(reader, PAD, CAMERA, STRAIGHT_DOWN).read(Frame(0, 0, image)).pose
+def _found_pose(image: Image) -> Pose | None:
+    """The first pose of a run: found by the tag, measured by all of the print."""
+    (result,) = followed([Frame(0, 0, image)])
+    pose = result.pose
     return None if pose is None else pose.camera_T_pad
 
 
@@ -107,19 +108,18 @@ def _mirror_poses() -> None:
 
 
 def _time_a_frame() -> None:
-    """The near stage once the target is held, against one whole-frame pass of the library, in the same run."""
+    """The method without a network, target held, against one whole-frame pass of the library, in the same run."""
     library = apriltag("tag36h11", decimate=1.0)
     rows = []
     for distance_m in DISTANCES_M:
         image = photograph(view(distance_m, 8.0, 1.0, 0.5), np.random.default_rng(1))
-        stage = TagStage(TagReader(ReaderConfig.of_pad(PAD)), PAD, CAMERA, STRAIGHT_DOWN)
-        frames = (Frame(i, i * 33_000_000, image) for i in range(10_000))
-        stage.read(next(frames))
-        held = median_ms(lambda stage=stage, frames=frames: stage.read(next(frames)))
+        results = followed(Frame(i, i * 33_000_000, image) for i in range(10_000))
+        next(results)
+        held = median_ms(lambda results=results: next(results))
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         whole = median_ms(lambda grey=grey: library.detect(grey), 10)
         rows.append([f"{distance_m:g}", f"{held:.2f}", f"{whole:.1f}", f"{held / whole:.2f}"])
-    head = ["m", "tag and pose ms", "AprilTag whole frame ms", "ratio"]
+    head = ["m", "tag, pose and track ms", "AprilTag whole frame ms", "ratio"]
     table("Processor time a frame, 640x480, target held", head, rows)
 
 

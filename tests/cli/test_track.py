@@ -65,7 +65,7 @@ def test_a_run_writes_every_file(track: Track, here: Path, truth: np.ndarray) ->
     assert frames.ints("frame") == list(range(COUNT))
     assert frames.ints("t_ns") == list(TIMES_NS) == times_of(folder / "annotated.mp4")
     assert frames.texts("status") == ["ok"] * COUNT
-    assert frames.texts("stage") == ["near"] * COUNT
+    assert frames.texts("stage") == ["far", *["near"] * (COUNT - 1)]  # no height is known before the first pose
     assert np.abs(places(folder) - truth).max() < 0.02
     assert set(read_table(folder / "tracks.csv").texts("reference")) == {"body"}
     assert snapshot(here, without=["runs"]) == before
@@ -172,7 +172,8 @@ def test_own_poses_of_another_time_are_said(track: Track, here: Path) -> None:
 
 
 def test_all_tags_are_read_when_asked(track: Track, here: Path) -> None:
-    (here / "pad.toml").write_text(PadSpec(tags=(PadTag(id=7),)).to_toml())
+    # of a pad without a print only its tag tells where it is
+    (here / "pad.toml").write_text(PadSpec(ring=None, letter=None, tags=(PadTag(id=7),)).to_toml())
     nowhere, without_pad = "(tag36h11 7) were read nowhere; --pad names another", "none gave a pose of the pad"
     for which, family, count, said in (
         ("pad", [], 0, nowhere),
@@ -181,9 +182,18 @@ def test_all_tags_are_read_when_asked(track: Track, here: Path) -> None:
         told = track("clip.mp4", *CAM, "--pad", "pad.toml", "--tags", which, *family, "-o", which)
         assert told.code == 0
         assert said in told.err
-        assert told.err.count("\n") == 1
+        assert "the pad has no ring" in told.err
+        assert told.err.count("\n") == 2
         assert read_table(here / which / "clip/tags.csv").ints("tag_id") == [5] * count
         assert len(places(here / which / "clip")) == 0
+
+
+def test_the_print_is_measured_where_its_tag_is_another(track: Track, here: Path, truth: np.ndarray) -> None:
+    (here / "pad.toml").write_text(PadSpec(tags=(PadTag(id=7),)).to_toml())
+    assert track("clip.mp4", *CAM, "--pad", "pad.toml", "-o", "out").code == 0
+    assert read_table(here / "out/clip/tags.csv").ints("tag_id") == []
+    assert set(read_table(here / "out/clip/poses.csv").texts("method")) == {"target"}
+    assert np.abs(places(here / "out/clip") - truth).max() < 0.02
 
 
 def test_save_chooses_the_outputs(track: Track, here: Path) -> None:

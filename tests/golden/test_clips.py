@@ -74,12 +74,15 @@ def test_times_are_the_recordings_own(clip: TrackedClip) -> None:
 def test_the_track_coasts_behind_what_hides_the_pad_and_comes_back(hidden_clip: TrackedClip) -> None:
     hidden = np.flatnonzero(hidden_clip.truth.floats("occluded"))
     assert len(hidden) >= 10
-    assert not set(hidden.tolist()) & set(hidden_clip.measured_poses)
+    # what shows hardly a seventh of the pad gives no pose; with more of it in view the print is still measured
+    blind = np.flatnonzero(hidden_clip.truth.floats("hidden") > 0.85)
+    assert len(blind) >= 10
+    assert not set(blind.tolist()) & set(hidden_clip.measured_poses)
     tracks = hidden_clip.table("tracks")
     state = dict(zip(tracks.ints("frame"), tracks.texts("state"), strict=True))
-    assert {state[frame] for frame in hidden.tolist()} == {"coasting"}
+    assert {state[frame] for frame in blind.tolist()} == {"coasting"}
     assert state[int(hidden[0]) - 3] == "confirmed"
-    back = min(f for f in hidden_clip.measured_poses if f > hidden[-1])
+    back = min(f for f in hidden_clip.measured_poses if f > blind[-1])
     assert {state[f] for f in hidden_clip.measured_poses if f >= back} == {"confirmed"}
     # one track from the first to the last, and it had drifted away by less than the pad's radius
     assert set(tracks.ints("track_id")) == {1}
