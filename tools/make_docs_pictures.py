@@ -51,7 +51,8 @@ def main() -> None:
     # a palette is too small for so many pictures
     sheet = PilImage.fromarray(generated()[:, :, ::-1])
     sheet.save(PICTURES / "generated.jpg", quality=SHEET_QUALITY, optimize=True)
-    importlib.import_module("make_dehaze_pictures").main()  # beside this file
+    for beside in ("make_dehaze_pictures", "make_method_pictures"):
+        importlib.import_module(beside).main()
 
 
 def frames() -> Image:

@@ -31,7 +31,7 @@ from tests.docs.conftest import DOCS, PAGES
 from tests.shared import ROOT
 
 FORMATS = (DOCS / "formats.md").read_text(encoding="utf-8")
-MOST_PICTURE_BYTES = 550_000
+MOST_PICTURE_BYTES = 800_000
 PARTS = {"board": Board, "ring": Ring, "letter": Letter, "quiet_zone": QuietZone, "tags": PadTag}
 
 
