@@ -1,6 +1,7 @@
 """The part of a picture about a pad, in linear light, with the rays its samples look along.
 
-A lens bends the rays; over a part of the picture a cubic in its columns and rows has them to a thousandth of a pixel.
+A lens bends the rays; a polynomial in the columns and rows has them to a thousandth of a pixel, where the pad fills the
+picture to some hundredths.
 Pads that are large in the picture are seen in a shrunken patch: what is printed is fitted in a bounded time.
 """
 
@@ -22,8 +23,8 @@ from landtool.tone import Tone, linear_lut
 from landtool.types import Image
 
 Rays = TypeVar("Rays", Plane, Array)
-_NODES = 6  # a side of the grid on which the lens is looked up
-_DEGREE = 3
+_NODES = 10  # a side of the grid on which the lens is looked up
+_DEGREE = 7
 _MARGIN, _MARGIN_PX = 0.04, 2.5  # about the board: of its longer side, and pixels
 _LEAST_SIDE_PX = 6
 
