@@ -68,7 +68,7 @@ class Landing:
 
 
 def main() -> None:
-    """Write all pictures."""
+    """Write all pictures, and print the verdict on the landing."""
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as folder:
         landing = landed(Path(folder))
@@ -97,7 +97,9 @@ def landed(folder: Path) -> Landing:
     assert run(["generate", "clip", "-o", str(clip), *GENERATED.split()]) == 0
     camera, pad = clip.with_suffix(".camera.yaml"), clip.with_suffix(".pad.toml")
     config = TrackConfig(camera=camera, pad=pad, ego=str(clip.with_suffix(".ego.csv")))
-    done = track(clip, folder / "run", config).folder
+    outcome = track(clip, folder / "run", config)
+    print("\n".join(outcome.summary.lines()))  # as README.md shows them
+    done = outcome.folder
     with open_source(clip) as source:
         frames = [frame for frame in source if isinstance(frame, Frame)]
     truth = [_pose(row, "camera_T_pad_") for row in _rows(clip.with_suffix(".truth.csv"))]
