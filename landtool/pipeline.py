@@ -74,7 +74,8 @@ def process(
         poses = tuple(pad.pose for pad in found.pads)
         stepped = tracker.step(frame.t_ns, poses)
         finder.keep(found, stepped.taken, tuple(track.track_id for track in stepped.tracks))
-        pose, others = main.of(poses, stepped.taken, stepped.tracks)
+        looked_for = tuple(pad.track_id for pad in found.pads)
+        pose, others = main.of(poses, looked_for, stepped.taken, stepped.tracks)
         body_T_pad, world_T_pad = tracker.placed(frame.t_ns, pose)
         if pose is not None:
             height_m = altitude_m(body_T_camera, pose.camera_T_pad, world_T_body)

@@ -9,19 +9,16 @@ import numpy as np
 from landtool.camera import Camera
 from landtool.geometry import Array, Pose, skew
 from landtool.pad import PadSpec
-from landtool.target.ring import fit_ring
-from landtool.tone import Tone
-from landtool.types import Detection, Image, PadPose
+from landtool.types import Detection, PadPose
 
-# How far a network's box may be off, of its longer side and in pixels; one moved onto the ring is far better
-_BOX_SHARE, _BOX_PX = 0.04, 0.7
+# How far the middle and the size of a network's box may be off, of its longer side and in pixels: a bright board, or
+# what it lies on, is easily taken for a part of the pad
+_MIDDLE_SHARE, _SIZE_SHARE, _BOX_PX = 0.04, 0.12, 0.7
 # A pad this wide whose print is not seen is covered, or cut by something: its box may be of a part of it
 _WIDE_PX, _COVERED_SHARE = 36.0, 0.15
-_RING_SHARE, _RING_PX = 0.006, 0.2
 _CUT_PX = 1.5  # a box that ends this near to the picture's border is cut by it
 _TILT_RAD = math.radians(12.0)  # of a platform under a camera whose attitude is roughly known
 _HEADING_RAD = math.pi / math.sqrt(3.0)  # any heading is as likely
-_RING_LEAST_PX = 26.0
 
 
 def box_edges(box: Detection) -> Array:
@@ -29,40 +26,20 @@ def box_edges(box: Detection) -> Array:
     return np.array([box.x_min_px, box.y_min_px, box.x_max_px, box.y_max_px])
 
 
-def ring_box(image: Image, box_px: Array, pad: PadSpec, tone: Tone) -> Array | None:
-    """Return a box (4,) moved onto the ring's outer circle; None where the ring is not seen.
-
-    Where the picture's border cuts the ring the box goes on beyond it.
-    """
-    if float((box_px[2:] - box_px[:2]).max()) < _RING_LEAST_PX:
-        return None
-    ring = fit_ring(image, box_px, pad, tone)
-    return None if ring is None else ring.ellipse.box_px
-
-
 def box_pose(
-    camera: Camera,
-    pad: PadSpec,
-    box_px: Array,
-    reference_R_camera: Array,
-    *,
-    on_ring: bool = False,
-    last: Pose | None = None,
+    camera: Camera, pad: PadSpec, box_px: Array, reference_R_camera: Array, last: Pose | None = None
 ) -> PadPose | None:
     """Return where a pad is by a box (4,) of its ring's outer circle; None for a pad without a ring.
 
     Of a circle seen at a slant the longer side of the box is its diameter. reference_R_camera: (3, 3), z up: the pad is
-    taken for level. on_ring: the box is one of `ring_box`. last: the pad's pose when it was last measured, of which the
-    heading is kept.
+    taken for level. last: the pad's pose when it was last measured, of which the heading is kept.
     """
     if pad.ring is None:
         return None
     end = np.array([camera.width, camera.height]) - 0.5
-    cut = not on_ring and bool((box_px[:2] < _CUT_PX - 0.5).any() or (box_px[2:] > end - _CUT_PX).any())
+    cut = bool((box_px[:2] < _CUT_PX - 0.5).any() or (box_px[2:] > end - _CUT_PX).any())
     side = float((box_px[2:] - box_px[:2]).max())
-    share, px = (_RING_SHARE, _RING_PX) if on_ring else (_BOX_SHARE, _BOX_PX)
-    if side > _WIDE_PX and not on_ring:
-        share = _COVERED_SHARE
+    covered = _COVERED_SHARE if side > _WIDE_PX else 0.0
     edges = camera.normalize(np.stack([box_px[:2], box_px[2:], (box_px[:2] + box_px[2:]) / 2.0]))
     if not np.isfinite(edges).all():
         return None
@@ -72,9 +49,8 @@ def box_pose(
     ray = np.array([*middle, 1.0])
     # off the axis a circle across the line of sight is seen larger by 1 / cos in its radial direction
     z = diameter_m / float(sides.max()) * math.sqrt(float(ray @ ray)) ** 0.5
-    sigma_px = share * side + px
-    # a tilt of up to 12 degrees shortens both sides by 2 %
-    sigma_z = z * math.hypot(1.5 * sigma_px / side, 0.02)
+    sigma_px = max(_MIDDLE_SHARE, covered) * side + _BOX_PX
+    sigma_z = z * (max(_SIZE_SHARE, 1.5 * covered) + _BOX_PX / side)
     across = sigma_px / camera.fx * z
     if cut:  # what is out of the picture is not known: the middle, nor the size
         across, sigma_z = 0.5 * diameter_m, 0.5 * z

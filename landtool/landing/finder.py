@@ -13,6 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -20,7 +21,7 @@ import numpy as np
 from landtool.camera import Camera
 from landtool.detect.stage import DetectStage
 from landtool.geometry import Array, Pose
-from landtool.landing.box import box_edges, box_pose, ring_box
+from landtool.landing.box import box_edges, box_pose
 from landtool.landing.follower import PadFollower
 from landtool.landing.measure import PRINT_PX, PadMeasurer
 from landtool.landing.tags import TagLook
@@ -36,8 +37,10 @@ _LONG = 15  # frames
 _MOST_BOXES = 6
 _SURE_BOX = 0.5  # score of a box that is believed without its print
 _SMALL_PX = 48.0  # a ring this wide is shown with its print, if it is one
-_HALF_PICTURE = 0.5
+_LEGIBLE_PX = 20.0  # of a tag's side: from here on it is read, if it is one of the pad
+_MOST_UNREAD = 20  # frames
 _ALIKE = 1.6  # a box of a pad differs from what is expected by less
+_BOX_SHARES = (1.0, 0.75)  # a network may take a bright board, or what it lies on, for a part of the pad
 _MISREAD_PX = 1.0  # corners farther from their places are not where they were read
 _STALE_S = 0.5  # an older expectation is worse than a box
 _NOTHING = "nothing of the pad found"
@@ -230,10 +233,17 @@ class _Look:
             tags = self._timed("tags", lambda: self.finder._tags.in_box(image, edges))
             if tags and self._by_tags(tags, follower, track_id):
                 return True
-        starts = self._timed("target", lambda: self.measurer.starts(image, edges))
-        if self._by_print(follower, track_id, lambda: follower.at_box(*self._where, starts, *self._when)):
-            return True
-        if track_id is None and (box.score < _SURE_BOX or not self._may_hide_print(edges)):
+        for share in _BOX_SHARES:
+            inner = _shrunk(edges, share)
+            starts = self._timed("target", partial(self.measurer.starts, image, inner))
+            if self._by_print(follower, track_id, partial(follower.at_box, *self._where, starts, *self._when)):
+                return True
+        if self._is_cut(edges):
+            self.said.append("a box is cut by the picture's border: neither its size nor its middle is known")
+            return False
+        # a ring with a letter that the print does not explain is of something else
+        if track_id is None and (box.score < _SURE_BOX or side >= _SMALL_PX or starts):
+            self.said.append("a box shows no print of the pad")
             return False
         return self._timed("target", lambda: self._by_box(image, edges, follower, track_id, last))
 
@@ -245,9 +255,7 @@ class _Look:
             return False
         pad = self.measurer.pad
         level = (self.world_T_body or Pose.identity()) @ self.finder._body_T_camera
-        on_ring = ring_box(image, edges, pad, self.measurer.tone)
-        seen = edges if on_ring is None else on_ring
-        pose = box_pose(self.finder.camera, pad, seen, level.rotation, on_ring=on_ring is not None, last=last)
+        pose = box_pose(self.finder.camera, pad, edges, level.rotation, last)
         if pose is None:
             return False
         self.pads.append(FoundPad(pose, follower, track_id, "the print is not seen, only its box"))
@@ -265,19 +273,21 @@ class _Look:
         if not solutions:
             self.said.append("no pose explains the tag's corners")
             return False
-        is_doubtful = solutions[0].reproj_px > _MISREAD_PX or follower.is_surprised(solutions[0], *self._when)
-        if expected is not None and is_doubtful:
+        is_misread = solutions[0].reproj_px > _MISREAD_PX
+        place = solutions[0].camera_T_pad
+        if self.measurer.is_flat(place, PRINT_PX) and not is_misread:
+            # the tag says which way round, the whole print how
+            follower.head_by_tag(place, *self._when)
+            whole = self._timed("target", lambda: follower.by_print(*self._where, place, *self._when))
+            if whole is not None:
+                self.pads.append(FoundPad(replace(whole[0], method="tag"), follower, track_id, whole[1]))
+                return True
+        elif expected is not None and (is_misread or follower.is_surprised(solutions[0], *self._when)):
             whole = self._timed("target", lambda: follower.by_print(*self._where, expected, *self._when))
             if whole is not None:
                 self.pads.append(FoundPad(whole[0], follower, track_id, "the tag's corners contradict the whole print"))
                 return True
         pose, said = follower.by_tag(solutions, *self._when)
-        if self.measurer.size_px(pose.camera_T_pad) < PRINT_PX:
-            # the tag says which way round, the whole print how
-            place = pose.camera_T_pad
-            whole = self._timed("target", lambda: follower.by_print(*self._where, place, *self._when))
-            if whole is not None:
-                pose, said = replace(whole[0], method="tag"), whole[1]
         self.pads.append(FoundPad(pose, follower, track_id, said))
         return True
 
@@ -296,9 +306,22 @@ class _Look:
         if seen is None:
             return False
         pose, said = seen
+        if self._lacks_tag(pose.camera_T_pad, follower, is_new=track_id is None):
+            self.said.append("a print like the pad's, but without its tag")
+            return True
         if not self._known_at(pose.camera_T_pad):  # two tracks led to one pad
             self.pads.append(FoundPad(pose, follower, track_id, said))
         return True
+
+    def _lacks_tag(self, camera_T_pad: Pose, follower: PadFollower, *, is_new: bool) -> bool:
+        """Whether a print is of another pad: one whose tag was never read, though it is in the picture and large.
+
+        A tag may be blurred or covered for a while, so that a print that is tracked is believed for some frames more.
+        """
+        if follower.tag_was_read or not self.finder._tags.is_legible(camera_T_pad, _LEGIBLE_PX):
+            return False
+        follower.unread += 1
+        return is_new or follower.unread > _MOST_UNREAD
 
     def _read_anywhere(self) -> None:
         """Read the tags of the whole picture; each group of them is a pad."""
@@ -336,12 +359,10 @@ class _Look:
         edges = self._outline(camera_T_pad)
         return edges is not None and bool((place_px > edges[:2]).all() and (place_px < edges[2:]).all())
 
-    def _may_hide_print(self, edges: Array) -> bool:
-        """Whether a box may be a pad without showing its print: too small for it, or cut by the picture's border."""
+    def _is_cut(self, edges: Array) -> bool:
+        """Whether a box ends at the picture's border."""
         camera = self.finder.camera
-        end = np.array([camera.width, camera.height]) - 2.0
-        is_cut = bool((edges[:2] < 1.0).any() or (edges[2:] > end).any())
-        return float((edges[2:] - edges[:2]).max()) < (_HALF_PICTURE * camera.height if is_cut else _SMALL_PX)
+        return bool((edges[:2] < 1.0).any() or (edges[2:] > np.array([camera.width, camera.height]) - 2.0).any())
 
     def _is_of(self, expected: ExpectedPad, edges: Array) -> bool:
         """Whether a box may be of an expected pad: of its size, and not farther from it than it is wide."""
@@ -366,3 +387,9 @@ class _Look:
             return call()
         finally:
             self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
+
+
+def _shrunk(edges: Array, share: float) -> Array:
+    """Return a box (4,) shrunk about its middle."""
+    middle, half = (edges[:2] + edges[2:]) / 2.0, (edges[2:] - edges[:2]) / 2.0
+    return np.concatenate([middle - share * half, middle + share * half])

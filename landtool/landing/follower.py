@@ -25,8 +25,8 @@ from landtool.types import Image, PadPose
 # Errors repeat from frame to frame, so a frame is worth less than its likelihood says, and never everything
 _WORTH, _MOST_FIT = 0.3, 6.0
 _WORTH_S = 0.3  # ... and those within such a time as much as one
-_HEADING_WORTH, _MOST_HEADING = 0.3, 4.0
-_HEADING_DECIDED = 8.0
+_HEADING_WORTH, _MOST_HEADING = 0.4, 3.0
+_HEADING_DECIDED, _HEADING_BACK = 7.0, 1.0
 _MOST_TURNS = 2
 _MIRROR_EVERY_S, _MIRROR_PX = 0.3, 110.0  # wider pads show their tilt in perspective
 _GIVEN_UP = 3.0  # what speaks against a mirror image that was there before
@@ -47,15 +47,17 @@ class PadFollower:
         self._mirror_ns: int | None = None
         self._worth = _WORTH
         self._before: Registered | None = None
-        self._heading_odds = 0.0
+        self._heading_odds, self._heading_begun = 0.0, False
         self.heading_known = False
+        self.tag_was_read = False
+        self.unread = 0  # frames in which a tag could have been read, and was not
 
     def by_tag(self, solutions: Sequence[Solution], t_ns: int | None, world_T_body: Pose | None) -> tuple[PadPose, str]:
         """Return the pose to believe of those a read tag gives, and what a log should say of it."""
+        reference_R_camera = self._reference_R_camera(t_ns, world_T_body)  # first, as it may forget the past
         chosen = self._chooser.choose(solutions, t_ns, world_T_body)
         best = solutions[chosen]
-        self.heading_known = True
-        reference_R_camera = self._reference_R_camera(t_ns, world_T_body)
+        self.heading_known = self.tag_was_read = True
         self._before = None
         self._turns = (turns.measured(best.camera_T_pad, best.covariance, reference_R_camera, 0.0),)
         covariance, other, ambiguity = with_doubt(best.camera_T_pad, best.covariance), None, 0.0
@@ -73,6 +75,17 @@ class PadFollower:
             better_fit_rejected=chosen > 0,
         )
         return pose, MIRROR_KEPT if chosen else ""
+
+    def head_by_tag(self, camera_T_pad: Pose, t_ns: int | None, world_T_body: Pose | None) -> None:
+        """Take only the heading from a read tag's pose: of a pad seen without perspective it says no more."""
+        rotation = self._reference_R_camera(t_ns, world_T_body) @ camera_T_pad.rotation
+        self._turns = tuple(
+            turn
+            if float(turn.reference_R_pad[:, 0] @ rotation[:, 0]) > 0.0
+            else replace(turn, reference_R_pad=turn.reference_R_pad @ HALF_TURN.rotation)
+            for turn in self._turns
+        )
+        self.heading_known = self.tag_was_read = True
 
     def is_surprised(self, solution: Solution, t_ns: int | None, world_T_body: Pose | None) -> bool:
         """Return whether a tag's pose is turned as the pad can hardly have turned: a corner may be misread."""
@@ -151,7 +164,7 @@ class PadFollower:
             self._mirror_ns = t_ns
             return True
         due = abs(t_ns - self._mirror_ns) * 1e-9 > _MIRROR_EVERY_S
-        if not due or measurer.size_px(seen.camera_T_pad) > _MIRROR_PX:
+        if not due or not measurer.is_flat(seen.camera_T_pad, _MIRROR_PX):
             return False
         self._mirror_ns = t_ns
         return True
@@ -211,8 +224,10 @@ class PadFollower:
         odds = measurer.half_turn_odds(image, best)
         if odds is not None:
             self._heading_odds += min(max(_HEADING_WORTH * odds, -_MOST_HEADING), _MOST_HEADING)
-        turned = self._heading_odds < 0.0
-        self._heading_odds = abs(self._heading_odds)
+        # the first picture says which; later on nothing turns back and forth on no more than noise
+        turned = self._heading_odds < (-_HEADING_BACK if self._heading_begun else 0.0)
+        self._heading_odds = -self._heading_odds if turned else self._heading_odds
+        self._heading_begun = True
         self.heading_known = self._heading_odds > _HEADING_DECIDED
         return HALF_TURN if turned else Pose.identity()
 

@@ -16,18 +16,25 @@ class MainTrack:
         self.track_id: int | None = None
 
     def of(
-        self, poses: Sequence[PadPose], taken: Sequence[int | None], tracks: Sequence[Track]
+        self,
+        poses: Sequence[PadPose],
+        looked_for: Sequence[int | None],
+        taken: Sequence[int | None],
+        tracks: Sequence[Track],
     ) -> tuple[PadPose | None, tuple[PadPose, ...]]:
         """Return the main pad's pose, None where it was not measured, and the poses of the others.
 
-        taken: of every pose the track it went to. tracks: those that live, oldest first. Until one is confirmed, and
-        where there are no tracks, the pose of the best method is the main one.
+        looked_for: of every pose the track whose expectation led to it. taken: the track it went to. tracks: those that
+        live, oldest first. Until one is confirmed, and where there are no tracks, the pose of the best method is the
+        main one.
         """
         proven = [track.track_id for track in tracks if track.status != "tentative"]
         if self.track_id not in proven:
             self.track_id = proven[0] if proven else None
         if self.track_id is not None and self.track_id in taken:
             main = list(taken).index(self.track_id)
+        elif self.track_id is not None and self.track_id in looked_for:  # refused by the filter, seen all the same
+            main = list(looked_for).index(self.track_id)
         elif self.track_id is not None:
             return None, tuple(poses)
         elif poses:

@@ -40,6 +40,17 @@ class TagLook:
         depth = max(float(camera_T_pad.translation[2]), 1e-6)
         return self._camera.fx * self._largest * self._pad.diameter_m / depth >= _LEAST_PX
 
+    def is_legible(self, camera_T_pad: Pose, least_px: float) -> bool:
+        """Return whether all of the pad's tags are in the picture, the largest at least so many pixels a side."""
+        if not self._pad.tags:
+            return False
+        seen = self._camera.project(
+            camera_T_pad.apply(np.concatenate([self._pad.tag_corners_m(t) for t in self._pad.tags]))
+        )
+        inside = (seen > 0.0).all() and (seen < np.array([self._camera.width, self._camera.height]) - 1.0).all()
+        depth = max(float(camera_T_pad.translation[2]), 1e-6)
+        return bool(inside) and self._camera.fx * self._largest * self._pad.diameter_m / depth >= least_px
+
     def is_readable_in(self, ring_px: float) -> bool:
         """Return the same of a pad whose ring is so wide in the picture."""
         return self._pad.ring is not None and ring_px * self._largest / self._pad.ring.outer >= _LEAST_PX

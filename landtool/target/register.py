@@ -2,7 +2,7 @@
 
 The print is drawn as a camera at a pose would see it, blurred and lit, and compared with the picture in linear light:
 
-    I(u) = w c(u) + (a X + b Y) (c - d - e)(u) - k d(u) - r e(u) + sum_s g_s (1 - c(u)),
+    I(u) = min(1, w c(u) + (a X + b Y) (c - d - e)(u) - k d(u) - r e(u) + sum_s g_s (1 - c(u))),
     c, d, e = blur * (coverage, darkness, the ring's darkness)(P(u; T))
 
 P takes a pixel along its ray to the print's plane. Gauss-Newton steps over the pose T, the blur's three variances,
@@ -35,9 +35,14 @@ _STEPS, _LEAST_STEPS = 10, 3  # blur and light need more than one
 _STOP = 0.006  # of the pad's radius in the picture: the next step would be several times smaller
 _AT_REST = 0.03
 _LONGEST_STEP = 0.3
+_FIRST_SLACK_PX, _SLACK_PX = 0.6, 0.1  # of edges, in the patch
+_FEWEST_STEPS = 2  # of a fit that begins with the last one's blur and light
 _TUKEY = 4.5
-_ALIKE = 6.0  # how many neighbouring pixels' errors are one
+_ALIKE = 6.0  # how many neighbouring pixels' errors are one, where poses are compared
+_REPEATED = 3.0  # ... and of those the weights leave, where a pose is
 _LEAST_SCALE = 0.012  # of white: what no model explains
+# Light from which on a pixel may be full, the share of such pixels that says white is, and how bright it may be then
+_NEAR_FULL, _FULL_SHARE, _OVER, _OVER_SIGMA = 0.93, 0.1, 1.2, 0.4
 _DISC = 1.05  # radii, of what counts for the likeness
 _BLUR, _BLUR_SIGMA = np.array([0.45, 0.0, 0.45]), 0.5
 _LEAST_BLUR, _MOST_BLUR = 0.02, 6.0  # variances, px^2
@@ -112,6 +117,23 @@ def register_target(
     return None if patch is None else _Fit(patch, what, pad, start, turn_known).run(steps, before)
 
 
+def half_turn_odds(image: Image, camera: Camera, found: Registered, pad: PadSpec, tone: Tone = "srgb") -> float | None:
+    """Return how much likelier a registered pose is than half a turn from it about the pad's normal, as a log ratio.
+
+    Ring and H look the same, so that nothing has to be fitted again: only the pixels of the tag tell, read or not. None
+    where the print is not in the picture.
+    """
+    what = print_of(pad, tone, in_parts=True)
+    patch = None if what is None else cut_patch(image, camera, found.camera_T_pad, pad, tone, _MOST_SIDE_PX)
+    if what is None or patch is None:
+        return None
+    fit = _Fit(patch, what, pad, found.camera_T_pad, None)
+    turned = found.camera_T_pad @ Pose(np.diag([-1.0, -1.0, 1.0]), np.zeros(3))
+    errors = [fit.errors(pose, found) for pose in (found.camera_T_pad, turned)]
+    most = _TUKEY**2
+    return float((np.minimum(errors[1], most) - np.minimum(errors[0], most)).sum()) / (2.0 * _ALIKE)
+
+
 class _Fit:
     """One registration.
 
@@ -124,17 +146,22 @@ class _Fit:
         self.patch, self.what = patch, what
         self.radius_m = pad.ring.outer * pad.diameter_m / 2.0
         self.seen = patch.light.ravel()
+        bright = self.seen[self.seen > _NEAR_FULL]
+        # white that is as bright as a pixel can be is brighter in truth, and its blur eats the dark beside it
+        self.full = float(np.median(bright)) if bright.size > _FULL_SHARE * self.seen.size else math.inf
 
     def run(self, steps: int, before: Registered | None) -> Registered | None:
-        pose, blur, light, least_steps = self.start, _BLUR.copy(), None, _LEAST_STEPS
+        pose, blur, light, least_steps, first_px = self.start, _BLUR.copy(), None, _LEAST_STEPS, _FIRST_SLACK_PX
         if before is not None:
-            blur, light, least_steps = _limited(before.blur_px2 / self.patch.shrink**2), before.light, 1
+            blur, light, least_steps = _limited(before.blur_px2 / self.patch.shrink**2), before.light, _FEWEST_STEPS
+            first_px = 0.5 * _FIRST_SLACK_PX
         outcome = None
         for done in range(steps):
             plane_z = pose.rotation[:, 2]
             if pose.translation[2] <= 0.0 or plane_z @ pose.translation >= 0.0:
                 return None
-            linear = self._linearise(pose, blur, light)
+            slack_px = max(first_px * 0.5**done, _SLACK_PX)
+            linear = self._linearise(pose, blur, light, slack_px)
             if linear is None:
                 return None
             light = linear.light
@@ -147,7 +174,19 @@ class _Fit:
                 break
         return outcome
 
-    def _linearise(self, pose: Pose, blur: Array, light: Array | None) -> _Linear | None:
+    def errors(self, pose: Pose, fitted: Registered) -> Array:
+        """Return the squared errors (h w,) of all pixels at a pose lit and blurred as fitted, in their own spread."""
+        fine = self._draw(pose, fitted.blur_px2 / self.patch.shrink**2)
+        dark, cover, ring = to_pixels(np.ascontiguousarray(fine[1:-1, 1:-1])).reshape(-1, 3).astype(np.float64).T
+        x, y = (np.asarray(plane.ravel(), np.float64) for plane in self.patch.middle)
+        px, py = on_print((x, y), fitted.camera_T_pad)
+        lights = _lights(-py / self.radius_m, -px / self.radius_m, dark, cover, ring)
+        model = np.minimum(fitted.light @ lights, self.full)
+        scale = max(fitted.residual * float(fitted.light[3]), _LEAST_SCALE * float(fitted.light[0]))
+        base = cover**2 / (0.15 + 0.85 * np.clip(model / float(fitted.light[0]), 0.0, 1.2))
+        return np.asarray(base * ((self.seen - model) / scale) ** 2)
+
+    def _linearise(self, pose: Pose, blur: Array, light: Array | None, slack_px: float) -> _Linear | None:
         fine = self._draw(pose, blur)
         flat = to_pixels(np.ascontiguousarray(fine[1:-1, 1:-1]))
         index = np.flatnonzero(flat[:, :, 1] > _LEAST_COVER)
@@ -160,7 +199,7 @@ class _Fit:
         lights = _lights(u, v, dark, cover, ring)
         seen = self.seen[index].astype(np.float64)
         if light is None:
-            light = _first_light(lights, seen, cover)
+            light = _first_light(lights, np.where(seen > _NEAR_FULL, _OVER * seen, seen), cover)
         white, black = float(light[0]), float(light[3])
         if not (white > 1e-3 and black > 1e-3):
             return None
@@ -168,19 +207,28 @@ class _Fit:
         pose_rows = self._moves(pose, x, y, px, py, slopes[:2])
         jacobian = np.concatenate([pose_rows, slopes[2:], lights])
         model = light @ lights
+        if self.full < math.inf:
+            jacobian = jacobian * (model < self.full)
+            model = np.minimum(model, self.full)
         left = seen - model
         base = cover**2 / (0.15 + 0.85 * np.clip(model / white, 0.0, 1.2))
         weighed = np.abs(left) * np.sqrt(base)
         scale = max(1.4826 * float(np.median(weighed)), _LEAST_SCALE * white)
-        agree = np.maximum(1.0 - base * (left / (_TUKEY * scale)) ** 2, 0.0) ** 2
+        # an edge is a little off its place, and at first by more: s^2 + (slack |grad I|)^2 is what its pixels may err
+        edge = 1.0 + base * (slopes[0] ** 2 + slopes[1] ** 2) * (slack_px / scale) ** 2
+        agree = np.maximum(1.0 - base * (left / (_TUKEY * scale)) ** 2 / edge, 0.0) ** 2
+        base = base / edge
         weight = base * agree
         weighted = jacobian * weight
         prior, pull = _prior(blur, light)
+        if self.full < math.inf:
+            prior[9] = (_OVER_SIGMA * self.full) ** -2
+            pull[9] = (_OVER * self.full - white) * prior[9]
         information = weighted @ jacobian.T + np.diag(prior) * scale**2
         gradient = weighted @ left + pull * scale**2
         if self.turn_known is not None:
             # in units of the pixels' own information, of which neighbours say the same several times
-            known = _ALIKE * scale**2 * self.turn_known
+            known = _REPEATED * scale**2 * self.turn_known
             information[3:6, 3:6] += known
             gradient[3:6] += known @ rotvec_from_rotation(self.start.rotation @ pose.rotation.T)
         step = _solved(information, gradient)
@@ -235,7 +283,7 @@ class _Fit:
         return float(np.abs(flat @ self.patch.px_by_flat.T).max())
 
     def _outcome(self, pose: Pose, blur: Array, light: Array, linear: _Linear) -> Registered:
-        covariance = np.asarray(np.linalg.inv(linear.information)[:6, :6], np.float64) * (_ALIKE * linear.scale**2)
+        covariance = np.asarray(np.linalg.inv(linear.information)[:6, :6], np.float64) * (_REPEATED * linear.scale**2)
         return Registered(
             pose, covariance, linear.likeness, linear.share, linear.scale / max(float(light[3]), 1e-3),
             blur * self.patch.shrink**2, light, linear.pixels, linear.moved < _AT_REST,

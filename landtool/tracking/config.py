@@ -16,6 +16,7 @@ BOUNDS: dict[str, tuple[float, float]] = {
     "accel_sigma_mps2": (1e-3, 1e3),
     "init_velocity_sigma_mps": (1e-3, 1e3),
     "gate_probability": (0.5, 0.999999),
+    "same_place_m": (0.0, 100.0),
     "confirm_hits": (1, 1000),
     "confirm_window": (1, 1000),
     "replace_hits": (1, 1000),
@@ -44,6 +45,9 @@ class TrackerConfig:
     init_velocity_sigma_mps: float = 5.0
     # share of the right measurements that pass the gate on the normalised innovation squared
     gate_probability: float = 0.999
+    # a measurement so near to where a confirmed track should be is of it even beyond the gate, as pads do not overlap:
+    # the platform brakes or turns harder than was expected
+    same_place_m: float = 0.5
     # a tentative track is confirmed by so many measurements ...
     confirm_hits: int = 3
     # ... in so many frames, and dropped when it cannot get them any more

@@ -95,6 +95,11 @@ def updated(belief: Belief, z: Array, H: Array, R: Array, learnt: Array | None =
     return Belief(_reweighted(belief.weights, y, S), means, P), _merged(belief.weights, y, S)
 
 
+def doubted(belief: Belief, factor: float) -> Belief:
+    """Return the belief with its covariances times a factor, as after a move that none of the ways explains."""
+    return Belief(belief.weights, belief.means, factor * belief.covariances)
+
+
 def collapsed(belief: Belief) -> tuple[Array, Array]:
     """Return the mean (n,) and the covariance (n, n) over all ways of moving."""
     if len(belief.weights) == 1:

@@ -6,6 +6,7 @@ measured. It ends after `coast_s` without a measurement; the next measurement be
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -188,15 +189,20 @@ class Tracker:
         return Expected(target.track_id, target.confirmed, target.hit_ns, H @ mean, H @ covariance @ H.T, height.z_m)
 
     def _associate(self, targets: Sequence[Target], measurements: Sequence[PlanarMeasurement]) -> dict[int, int]:
-        """Return which target (index) takes which measurement (index): the nearest in its gate, each used once."""
+        """Return which target (index) takes which measurement (index), each used once.
+
+        The nearest in its gate; then, of proven targets, the nearest in the same place.
+        """
         candidates = []
         for i, target in enumerate(targets):
             for j, measurement in enumerate(measurements):
                 difference = mixture.compared(target.belief, *self._seen(target, measurement))
+                # a young track knows little, so everything is near to it: proven ones choose first
+                rank = ("confirmed", "coasting", "tentative").index(target.status)
                 if difference.nis <= self._gate(difference):
-                    # a young track knows little, so everything is near to it: proven ones choose first
-                    rank = ("confirmed", "coasting", "tentative").index(target.status)
                     candidates.append((rank, difference.nis, i, j))
+                elif target.confirmed and math.hypot(*difference.y[:2]) < self.config.same_place_m:
+                    candidates.append((rank + 3, difference.nis, i, j))
         pairs: dict[int, int] = {}
         for _, _, i, j in sorted(candidates):
             if i not in pairs and j not in pairs.values():
@@ -216,7 +222,12 @@ class Tracker:
         return z, kalman.H_PAPER, R
 
     def _hit(self, target: Target, measurement: PlanarMeasurement) -> Target:
-        belief, difference = mixture.updated(target.belief, *self._seen(target, measurement), self.motion.learnt)
+        seen = self._seen(target, measurement)
+        difference = mixture.compared(target.belief, *seen)
+        excess = difference.nis / self._gate(difference)
+        # as sure as it was, the track would not follow
+        before = target.belief if excess <= 1.0 else mixture.doubted(target.belief, excess)
+        belief, _ = mixture.updated(before, *seen, self.motion.learnt)
         hits = (*target.hits, True)[-self.config.confirm_window :]
         return replace(
             target,

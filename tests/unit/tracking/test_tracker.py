@@ -176,7 +176,7 @@ def test_an_outlier_of_5_m_does_not_move_the_track(measurement: MeasurementModel
 
 def test_the_gate_is_where_the_chi_square_says() -> None:
     for factor, hit in ((0.99, True), (1.01, False)):
-        followed = tracker(motion="constant-velocity", accel_sigma_mps2=2.0)
+        followed = tracker(motion="constant-velocity", accel_sigma_mps2=2.0, same_place_m=0.0)
         (track,) = follow(followed, straight(60))[-1]
         dt = FRAME_NS * 1e-9
         A = np.eye(4) + dt * np.eye(4, k=2)
@@ -186,6 +186,19 @@ def test_the_gate_is_where_the_chi_square_says() -> None:
         x, y = (A @ track.state)[:2]
         row = followed.step(T0 + 60 * FRAME_NS, [at(x + away, y)])
         assert (row[0].status == "confirmed") == hit
+
+
+def test_a_hard_brake_keeps_its_track() -> None:
+    """Beyond the gate, but where no other pad can be: the track follows, and doubts what it knew."""
+    for same_place_m, kept in ((0.5, True), (0.0, False)):
+        followed = tracker(same_place_m=same_place_m)
+        (before,) = follow(followed, straight(60))[-1]
+        x, y = before.state[:2]
+        stopped = [followed.step(T0 + (60 + i) * FRAME_NS, [at(x - 0.25, y)]) for i in range(30)]
+        assert ({row[0].track_id for row in stopped} == {before.track_id} and len(stopped[0]) == 1) == kept
+        if kept:
+            assert (stopped[0][0].nis or 0.0) > chi2_quantile(0.999, 2)
+            assert abs(stopped[-1][0].state[2]) < 0.2
 
 
 def test_a_track_the_platform_left_gives_way() -> None:
