@@ -26,6 +26,10 @@ PARTS = {
         "dehazing against clear twins, the haze told, time, flicker, and the detector through fog",
     ),
     "predict": ("bench.predict", "predictions of the platform's place against truth, and their covariances"),
+    "method": (
+        "bench.method",
+        "the whole of landtool track against truth: poses by distance, against tags, honest covariances, predictions",
+    ),
     "speed": ("bench.speed", "frames a second of the whole of landtool track, near and far, and its stages"),
     "recordings": ("bench.recordings", "landtool track on the real and path-traced recordings beside the project"),
 }
