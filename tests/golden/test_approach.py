@@ -47,7 +47,9 @@ def test_every_frame_is_measured(clip: TrackedClip) -> None:
 
 
 def test_poses_agree_with_the_truth(clip: TrackedClip) -> None:
-    assert set(clip.table("poses").texts("method")) == {"tag"}
+    methods = clip.table("poses").texts("method")
+    assert set(methods) <= {"tag", "target"}
+    assert methods.count("tag") >= 0.95 * len(methods)
     errors = clip.position_errors()
     assert np.median(errors) < 0.001
     assert errors.max() < 0.008
