@@ -34,8 +34,8 @@ _FAR_OFF_PX, _MOST_AGAIN = 2.0, 3
 _MOST_RESIDUAL = 0.45  # of the contrast: what explains the pixels no better is no print
 _WELL_PX = 0.7  # corners nearer to their places, RMS: the start was no worse than another
 # What is not known of any pad and lens: of the distance along the ray and across it, of the tilt and the heading
-_RANGE_SHARE, _ACROSS_SHARE = 0.0007, 0.00008
-_TILT_RAD, _HEADING_RAD = math.radians(0.12), math.radians(0.03)
+_RANGE_SHARE, _ACROSS_SHARE = 0.0008, 0.00011
+_TILT_RAD, _HEADING_RAD = math.radians(0.14), math.radians(0.035)
 # How long a rolling shutter takes for rows that are one focal length apart, and how a landing drone moves meanwhile
 _READOUT_S, _CLOSING_PER_S, _RATE_RADPS = 0.012, 0.33, 0.06
 _CORNER_SHARE = 0.001  # of a tag's side
