@@ -233,16 +233,18 @@ class _Look:
             tags = self._timed("tags", lambda: self.finder._tags.in_box(image, edges))
             if tags and self._by_tags(tags, follower, track_id):
                 return True
+        shows_letter = False
         for share in _BOX_SHARES:
             inner = _shrunk(edges, share)
             starts = self._timed("target", partial(self.measurer.starts, image, inner))
             if self._by_print(follower, track_id, partial(follower.at_box, *self._where, starts, *self._when)):
                 return True
+            shows_letter |= bool(starts)
         if self._is_cut(edges):
             self.said.append("a box is cut by the picture's border: neither its size nor its middle is known")
             return False
         # a ring with a letter that the print does not explain is of something else
-        if track_id is None and (box.score < _SURE_BOX or side >= _SMALL_PX or starts):
+        if track_id is None and (box.score < _SURE_BOX or side >= _SMALL_PX or shows_letter):
             self.said.append("a box shows no print of the pad")
             return False
         return self._timed("target", lambda: self._by_box(image, edges, follower, track_id, last))

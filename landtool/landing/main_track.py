@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
+from landtool.geometry import Array
 from landtool.types import PadPose, PoseMethod, Track
 
 _RANK: dict[PoseMethod, int] = {"tag": 0, "target": 1, "box": 2}
@@ -14,6 +17,7 @@ class MainTrack:
 
     def __init__(self) -> None:
         self.track_id: int | None = None
+        self._last: Array | None = None
 
     def of(
         self,
@@ -35,10 +39,15 @@ class MainTrack:
             main = list(taken).index(self.track_id)
         elif self.track_id is not None and self.track_id in looked_for:  # refused by the filter, seen all the same
             main = list(looked_for).index(self.track_id)
+        elif self.track_id is not None and poses and self._last is not None and not any(t is not None for t in taken):
+            # no track can take them, as where the drone's own pose is not known: the one next to where it was
+            last = self._last
+            main = min(range(len(poses)), key=lambda i: float(np.linalg.norm(poses[i].camera_T_pad.translation - last)))
         elif self.track_id is not None:
             return None, tuple(poses)
         elif poses:
             main = min(range(len(poses)), key=lambda i: _RANK[poses[i].method])
         else:
             return None, ()
+        self._last = poses[main].camera_T_pad.translation
         return poses[main], tuple(pose for i, pose in enumerate(poses) if i != main)
