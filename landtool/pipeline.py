@@ -10,7 +10,7 @@ from typing import Protocol
 from landtool.dehaze.stage import Dehazed, DehazeStage
 from landtool.detect.stage import DetectStage
 from landtool.geometry import Pose
-from landtool.landing.finder import Found
+from landtool.landing.found import Found
 from landtool.landing.main_track import MainTrack
 from landtool.landing.stages import StageSwitch, altitude_m
 from landtool.tags.finder import TagFinder

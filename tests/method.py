@@ -42,7 +42,7 @@ def followed(
 ) -> Iterator[FrameResult]:
     """What the method says of each frame."""
     finder = finder or pad_finder()
-    switch = StageSwitch(readable_altitude_m(finder.camera, finder.measurer.pad))
+    switch = StageSwitch(readable_altitude_m(finder.measurer.camera, finder.measurer.pad))
     tracker = PlatformTracker(config or TrackerConfig(), STRAIGHT_DOWN, ego)
     for _, result in process(frames, finder=finder, switch=switch, tracker=tracker, body_T_camera=STRAIGHT_DOWN):
         yield result

@@ -47,8 +47,8 @@ def box_pose(
     sides = high - low
     diameter_m = pad.ring.outer * pad.diameter_m
     ray = np.array([*middle, 1.0])
-    # off the axis a circle across the line of sight is seen larger by 1 / cos in its radial direction
-    z = diameter_m / float(sides.max()) * math.sqrt(float(ray @ ray)) ** 0.5
+    # a level circle below a camera that looks down is seen as a circle of D f / z wherever it is in the picture
+    z = diameter_m / float(sides.max())
     sigma_px = max(_MIDDLE_SHARE, covered) * side + _BOX_PX
     sigma_z = z * (max(_SIZE_SHARE, 1.5 * covered) + _BOX_PX / side)
     across = sigma_px / camera.fx * z

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 from landtool.detect.stage import DetectStage
 from landtool.geometry import Pose
 from landtool.landing.box import box_edges, box_pose
-from landtool.landing.finder import Found, FoundPad
 from landtool.landing.follower import PadFollower
+from landtool.landing.found import Found, FoundPad
 from landtool.landing.measure import PadMeasurer
 from landtool.landing.tags import TagLook
 from landtool.tags.pose import pad_corners, pad_solutions

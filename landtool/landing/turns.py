@@ -22,7 +22,7 @@ from landtool.geometry import Array, Pose, rotation_from_rotvec, rotvec_from_rot
 _TILT_WORLD, _TILT_BODY = math.radians(2.5) ** 2, math.radians(9.0) ** 2
 _HEADING = math.radians(30.0) ** 2
 # What is thought of the tilt before the pad was seen, standard deviations, and how often anew: platforms stay level
-_LEVEL_WORLD_RAD, _LEVEL_BODY_RAD = math.radians(4.0), math.radians(8.0)
+_LEVEL_WORLD_RAD, _LEVEL_BODY_RAD = math.radians(2.5), math.radians(8.0)
 _LEVEL_EVERY_S = 1.5
 _LEAST_RAD = math.radians(0.3)  # pictures err alike from frame to frame
 NEW_START_S = 2.0

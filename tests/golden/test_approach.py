@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from landtool.geometry import Array, Pose
-from landtool.landing.finder import LOOK_ROUND_EVERY
+from landtool.landing.memory import LOOK_ROUND_EVERY
 from tests.golden.clip import POSE, TrackedClip, columns, poses_of, share_off, tracked
 
 AHEAD = 15  # frames: the prediction's half second

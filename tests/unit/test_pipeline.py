@@ -13,8 +13,8 @@ from landtool.dehaze.stage import Dehazed
 from landtool.detect.stage import FoundBoxes
 from landtool.geometry import Pose
 from landtool.io.poses import STRAIGHT_DOWN
-from landtool.landing.finder import Found, FoundPad
 from landtool.landing.follower import PadFollower
+from landtool.landing.found import Found, FoundPad
 from landtool.landing.stages import StageSwitch
 from landtool.pipeline import TOO_SMALL, find, process
 from landtool.run.haze import dehaze_stage

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from landtool.detect.stage import DetectStage
-from landtool.landing.finder import LOOK_ROUND_EVERY
+from landtool.landing.memory import LOOK_ROUND_EVERY
 from landtool.pad import PadSpec
 from landtool.types import Frame
 from tests.approach import Approach

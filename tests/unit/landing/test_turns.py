@@ -66,14 +66,14 @@ def test_it_is_drawn_back_to_level_and_keeps_its_heading() -> None:
 
 
 def test_a_tilted_pad_costs_more_than_a_level_one() -> None:
-    costs = [turn(tilt_deg=tilt).after(0.5, in_world=True).cost for tilt in (0.0, 4.0, 12.0)]
+    costs = [turn(tilt_deg=tilt).after(0.5, in_world=True).cost for tilt in (0.0, 2.5, 7.5)]
     # half the squared tilt over the variance, for a third of the time in which it is thought anew
     assert costs == pytest.approx([0.0, 0.5 / 3.0, 0.5 / 3.0 * 9.0], rel=1e-6)
-    assert turn(tilt_deg=12.0).after(0.5, in_world=False).cost < costs[2]
+    assert turn(tilt_deg=7.5).after(0.5, in_world=False).cost < costs[2]
 
 
 def test_a_long_time_counts_the_level_once() -> None:
-    assert turn(tilt_deg=4.0).after(100.0, in_world=True).cost == pytest.approx(0.5)
+    assert turn(tilt_deg=2.5).after(100.0, in_world=True).cost == pytest.approx(0.5)
 
 
 def test_the_surprise_is_half_the_mahalanobis_distance() -> None:
@@ -107,7 +107,7 @@ def test_before_a_pad_is_measured_it_is_thought_level_and_of_any_heading(in_worl
     assert tilt_deg(thought) == pytest.approx(0.0, abs=1e-4)
     assert float(thought.reference_R_pad[:, 0] @ tilted[:, 0]) > 0.95
     assert math.sqrt(thought.covariance[2, 2]) == pytest.approx(math.pi)
-    assert math.degrees(math.sqrt(thought.covariance[0, 0])) == pytest.approx(4.0 if in_world else 8.0)
+    assert math.degrees(math.sqrt(thought.covariance[0, 0])) == pytest.approx(2.5 if in_world else 8.0)
     # so a level pad of another heading surprises little, a tilted one much
     assert thought.surprise(rotated((0.0, 0.0, 1.0), 130.0)) < 1.0
     assert thought.surprise(rotated((1.0, 0.0, 0.0), 24.0) @ rotated((0.0, 0.0, 1.0), 40.0)) > 4.0
