@@ -35,7 +35,7 @@ BOUNDS = {
 AUTO_TONE = "auto"
 
 # For the network's sake: what is less hazy it sees as well as without, and clear frames are to stay as they are
-LOOK_THROUGH = DehazeConfig(haze_on=0.55, haze_off=0.5)
+LOOK_THROUGH = DehazeConfig(haze_on=0.55, haze_off=0.5, again_s=0.1)
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ PAPER_BOUNDS: dict[str, tuple[float, float]] = {
 BOUNDS: dict[str, tuple[float, float]] = {
     "strength": (0.0, 1.0),
     "smooth_s": (0.0, 60.0),
+    "again_s": (0.0, 60.0),
     "haze_on": (0.0, 1.0),
     "haze_off": (0.0, 1.0),
 }
@@ -72,6 +73,8 @@ class DehazeConfig:
     strength: float = 1.0
     # time over which airlight and haze are smoothed in a video, seconds; 0: every frame for itself
     smooth_s: float = 0.3
+    # a video's frames that are far from hazy are looked at again only after this time, seconds; 0: every one
+    again_s: float = 0.0
     # auto: dehazing starts at this haze, and ends below that
     haze_on: float = 0.11
     haze_off: float = 0.09

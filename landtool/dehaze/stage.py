@@ -20,6 +20,7 @@ from landtool.tone import linear_lut, parse_tone
 from landtool.types import Frame, Image
 
 # mean change of the colours' quantiles between two frames, of full scale, that only another scene makes
+_FAR_FROM_HAZY = 0.5  # share of the haze at which dehazing starts
 _CUT = 0.06
 _LEAST_LIGHT = 1e-4
 
@@ -65,24 +66,35 @@ class DehazeStage:
         self._airlight: Airlight | None = None
         self._strength = 0.0
         self._on = False
+        self._haze = 1.0
 
     def see(self, frame: Frame) -> Dehazed:
         """Return the frame, dehazed where that is wanted.
 
         What is remembered from frame to frame is brought up to date here, whether the picture is asked for or not.
         """
+        if self._is_still_clear(frame.t_ns):
+            return Dehazed(frame.image, self._haze, False)
         small = small_copy(frame.image)
         known = statistics(small)
         elapsed = self._elapsed(frame.t_ns, known)
         if math.isinf(elapsed):
             self._veil, self._airlight, self._on = None, None, False
         veil = self._steady_veil(estimate_veil(known), self._mean_light(small), elapsed)
+        self._haze = veil.haze
         if not self._gate(veil.haze, elapsed):
             self._airlight = None  # by the time it is wanted again it will be old
             return Dehazed(frame.image, veil.haze, False)
         air = self._recipe.estimate(frame.image, veil, lambda airlight: self._steady_airlight(airlight, elapsed))
         air = air.thinned(self._strength * self._config.strength)
         return Dehazed(partial(self._recipe.recover, frame.image, air), veil.haze, True, air.transmission)
+
+    def _is_still_clear(self, t_ns: int | None) -> bool:
+        """Whether the last look was so short ago, and showed so little haze, that another one can wait."""
+        if t_ns is None or self._t_ns is None or self._always or self._on:
+            return False
+        is_far_from_hazy = self._haze < _FAR_FROM_HAZY * self._config.haze_on
+        return is_far_from_hazy and 0 <= t_ns - self._t_ns < self._config.again_s * 1e9
 
     def _elapsed(self, t_ns: int | None, known: Statistics) -> float:
         """Return the seconds since the frame before, inf where there is none or it showed another scene."""

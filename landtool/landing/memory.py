@@ -12,7 +12,7 @@ from landtool.landing.follower import PadFollower
 from landtool.landing.measure import PadMeasurer
 from landtool.landing.tags import TagLook
 
-LOOK_ROUND_EVERY = 30  # frames, near: for a pad nobody expects
+LOOK_ROUND_EVERY = 60  # frames, near: for a pad nobody expects
 _REFUSED_FOR, _SAME_BOX = 6, 0.1  # frames, and how far its edges may have moved, of its longer side
 _MOST_REFUSED = 6
 

@@ -352,3 +352,15 @@ def test_what_hinders_a_picture_is_said_each_time_it_is_asked_for() -> None:
     for _ in range(2):
         with pytest.raises(ValueError, match="too dark"):
             _ = made.image
+
+
+def test_clear_frames_are_looked_at_again_after_a_while() -> None:
+    clear, fog = np.full((60, 80, 3), 40, np.uint8), np.full((60, 80, 3), 200, np.uint8)
+    clear[::2, ::3] = (10, 90, 160)
+    stage = DehazeStage(DehazeConfig(haze_on=0.5, haze_off=0.4, smooth_s=0.0, again_s=0.1))
+    first = stage.see(frame(clear, 0.0))
+    assert first.haze < 0.25
+    soon, later = stage.see(frame(fog, 0.05)), stage.see(frame(fog, 0.12))
+    assert (soon.haze, soon.dehazed) == (first.haze, False)
+    assert later.haze != first.haze
+    assert DehazeStage(DehazeConfig(haze_on=0.5, haze_off=0.4, smooth_s=0.0)).see(frame(fog, 0.05)).haze == later.haze
