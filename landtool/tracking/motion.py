@@ -34,7 +34,7 @@ _CHANGES_PER_S = 0.3  # from one way of moving to the other
 # Body: speed of a drone that keeps itself above the platform, and how long it keeps it
 _HOLD_MPS, _HOLD_S = 0.5, 1.5
 # attitude of a multirotor in the wind and at work: rate of its swing, damping, and sigma of its turning
-_SWING_RADPS, _SWING_DAMPING, _SWING_SIGMA_RADPS = 2.0, 0.7, 0.06
+_SWING_RADPS, _SWING_DAMPING, _SWING_SIGMA_RADPS = 2.0, 0.7, 0.045
 
 
 class Motion(ABC):
