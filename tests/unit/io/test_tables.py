@@ -10,7 +10,7 @@ import pytest
 from landtool.errors import InputError, OutputExistsError, UsageError
 from landtool.geometry import Pose
 from landtool.io.tables import TABLES, TableWriter, format_cell, read_rows, read_table
-from landtool.types import Detection, FrameResult, PadPose, TagObservation, Track
+from landtool.types import Detection, FrameResult, PadPose, Prediction, TagObservation, Track
 
 T_NS = 1_700_000_000_123_456_789  # a float cannot hold it
 
@@ -44,6 +44,7 @@ def full_result() -> FrameResult:
                 None,
                 0.5,
                 np.array([2.5, 4.0]),
+                (Prediction(1.0, np.array([4.0, 6.0]), np.diag([0.5, 0.25])),),
             ),
         ),
     )
@@ -58,6 +59,7 @@ HEADERS = {
     "platform.csv": "frame,t_ns,reference,x_m,y_m,z_m,qw,qx,qy,qz",
     "tracks.csv": "frame,t_ns,track_id,state,reference,x_m,y_m,vx_mps,vy_mps,var_x_m2,var_y_m2,var_vx,var_vy,nis,"
     "horizon_s,x_pred_m,y_pred_m",
+    "predictions.csv": "frame,t_ns,track_id,reference,horizon_s,x_pred_m,y_pred_m,var_x_m2,var_y_m2",
     "frames.csv": "frame,t_ns,file,status,haze,dehazed,stage,search,reason",
 }
 ROWS = {
@@ -66,6 +68,7 @@ ROWS = {
     "poses.csv": [f"7,{T_NS},tag,0.1,-0.2,5,0.5,-0.5,0.5,-0.5,1,4,9,0.03,0.25,0.125"],
     "platform.csv": [f"7,{T_NS},body,1,2,-3,0.5,-0.5,0.5,-0.5", f"7,{T_NS},world,4,5,0.5,0.5,-0.5,0.5,-0.5"],
     "tracks.csv": [f"7,{T_NS},3,confirmed,world,1,2,3,4,0.1,0.2,0.3,0.4,,0.5,2.5,4"],
+    "predictions.csv": [f"7,{T_NS},3,world,1,4,6,0.5,0.25"],
     "frames.csv": [f'7,{T_NS},"a ""b"", c.png",damaged,0.25,1,near,region,"two lines\r\nof text"'],
 }
 
