@@ -280,6 +280,8 @@ class Look:
         return self.memory.lost_for < _LONG or self.frame.index % _TAGS_AGAIN_EVERY == 0
 
     def _known_at(self, camera_T_pad: Pose) -> bool:
+        if not self.pads:
+            return False
         place = self.camera.project(camera_T_pad.translation[None])[0]
         return bool(np.isfinite(place).all()) and self._covered(place)
 
