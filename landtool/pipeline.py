@@ -77,8 +77,12 @@ def process(
         looked_for = tuple(pad.track_id for pad in found.pads)
         pose, others = main.of(poses, looked_for, stepped.taken, stepped.tracks)
         body_T_pad, world_T_pad = tracker.placed(frame.t_ns, pose)
+        changed = switch.note
         if pose is not None:
             height_m = altitude_m(body_T_camera, pose.camera_T_pad, world_T_body)
+            if not expected:  # nothing told the height before
+                stage = switch.at(height_m)
+                changed = switch.note
         seconds = view.seconds | dict(found.seconds)
         tracked = time.perf_counter() - looked
         yield (
@@ -88,7 +92,7 @@ def process(
                 frame.t_ns,
                 frame.file,
                 frame.status,
-                _joined(frame.damage, switch.note, found.reason, stepped.said),
+                _joined(frame.damage, changed, found.reason, stepped.said),
                 haze=view.haze,
                 dehazed=view.was_dehazed,
                 stage=stage,

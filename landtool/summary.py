@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict
@@ -18,6 +19,8 @@ from landtool.types import Frame, FrameResult, LostFrame
 
 # A corner further off than this was not misread by noise
 _MISFIT_PX = 3.0
+# A deck in a swell, and the drone's own drift, move a pad by less
+_MOST_RISE_M = 1.5
 Results = Iterable[tuple[Frame | LostFrame, FrameResult]]
 
 
@@ -40,6 +43,33 @@ class HazeCount:
         if not self._dehazed:
             return []
         return [f"haze {self._sum / self._seen:.2f} on the mean, {self._dehazed} of {self._seen} frames dehazed"]
+
+
+class _Heights:
+    """What the heights of pad and drone tell of inputs that contradict each other."""
+
+    def __init__(self) -> None:
+        self._low, self._high = math.inf, -math.inf
+        self._below = 0
+
+    def add(self, result: FrameResult) -> None:
+        """Take in one frame with a pose."""
+        if result.pose is None or result.pose.method == "box":
+            return
+        self._below += result.altitude_m is not None and result.altitude_m < 0.0
+        if result.world_T_pad is not None:
+            height_m = float(result.world_T_pad.translation[2])
+            self._low, self._high = min(self._low, height_m), max(self._high, height_m)
+
+    def notes(self) -> list[str]:
+        """Return what is suspicious, one sentence each."""
+        said = []
+        if self._below:
+            said.append(f"in {self._below} frames the drone is below the pad it looks down on; check --mount")
+        if self._high - self._low > _MOST_RISE_M:
+            moved = f"the pad's height in the world changes by {self._high - self._low:.1f} m during the run"
+            said.append(f"{moved}; unless it is lifted, check --diameter, --mount, and the clock and place of --ego")
+        return said
 
 
 class Summary:
@@ -68,7 +98,7 @@ class Summary:
         self.frames = self.posed = self.tags = 0
         # a ring of D pixels, D f / z, spans half the picture's shorter side
         self._log = VerdictLog(2.0 * camera.fx * pad.diameter_m / min(self._size), nis_dof)
-        self._haze = HazeCount()
+        self._haze, self._heights = HazeCount(), _Heights()
 
     def watch(self, results: Results) -> Iterator[tuple[Frame | LostFrame, FrameResult]]:
         """Pass results on and take them in."""
@@ -86,6 +116,7 @@ class Summary:
             return
         self.posed += 1
         self.unplaced += "own pose is not known" in result.reason
+        self._heights.add(result)
         self.misfits += result.pose.method == "tag" and result.pose.reproj_px > _MISFIT_PX
 
     @property
@@ -124,6 +155,7 @@ class Summary:
         if self.misfits:
             place = f"in {self.misfits} of {self.posed} poses the corners lie over {_MISFIT_PX:g} px from their places"
             said.append(f"{place}; check the pad's layout and the calibration")
+        said += self._heights.notes()
         if self.unmeasured:
             width, height = self._size
             said.append(
@@ -137,7 +169,10 @@ class Summary:
 
 def _of_tone(told: ToneEstimate) -> str:
     measured = f"gamma {told.gamma:.2f} +- {told.sigma_gamma:.2f}, blur {told.blur_px:.1f} px, of {told.frames} frames"
-    advice = f"--tone {told.tone} uses it from the start" if told.is_settled else "not sure enough to be used"
+    advice = "not sure enough to be used"
+    if told.is_settled:
+        agrees = "which sRGB's curve explains" if told.tone == "srgb" else f"--tone {told.tone} uses it from the start"
+        advice = "which is light itself; --tone none uses it from the start" if told.tone == "none" else agrees
     return f"tone curve by the pad's edges: {measured}; {advice}"
 
 

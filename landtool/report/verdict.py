@@ -192,7 +192,7 @@ class VerdictLog:
         if track.nis is not None:
             self._nis.add(track.nis)
         elif track.status == "coasting":
-            self._refused += result.pose is not None
+            self._refused += result.pose is not None and "own pose is not known" not in result.reason
 
     def _lateral(self) -> Lateral | None:
         """Return the errors in the world's plane, or where the drone's own pose is known nowhere, in the body's."""

@@ -40,6 +40,8 @@ from landtool.tracking.platform import PlatformTracker
 if TYPE_CHECKING:
     from landtool.detect.detector import Detector
 
+_SAME_CAMERA_PX = 0.5
+
 
 @dataclass(frozen=True)
 class RunFiles:
@@ -156,9 +158,11 @@ def _resolve(config: TrackConfig, files: RunFiles, info: SourceInfo) -> _Setup:
     if files.pad.ring is None:
         notes.append("the pad has no ring: it is measured by its tags alone, and found by nothing but them")
     camera = _camera(config, files.camera, info, notes)
-    return _Setup(
-        camera, files.pad, files.body_T_camera, files.ego or _ego_topic(config.ego, info), files.detector, notes
-    )
+    ego = files.ego or _ego_topic(config.ego, info)
+    idle = [name for name, given in (("--ego", ego is not None), ("--smooth", config.smooth)) if given]
+    if idle and not info.has_clock:
+        notes.append(f"without a clock there is no track, and {' and '.join(idle)} did nothing; give it with --fps")
+    return _Setup(camera, files.pad, files.body_T_camera, ego, files.detector, notes)
 
 
 def _camera(config: TrackConfig, given: Camera | None, info: SourceInfo, notes: list[str]) -> Camera:
@@ -169,6 +173,8 @@ def _camera(config: TrackConfig, given: Camera | None, info: SourceInfo, notes: 
     elif camera is None:
         hint = "pass --camera FILE, or --hfov DEG if nobody has measured it"
         raise UsageError("no camera calibration", file=info.path, hint=hint)
+    if given is not None and info.camera is not None and _differ(given, info.camera):
+        notes.append("the recording has a calibration of its own, which differs from the one given and is not used")
     if camera.assumed:
         notes.append(f"camera assumed: {camera.assumed}")
     if config.hfov_deg is not None:
@@ -177,6 +183,17 @@ def _camera(config: TrackConfig, given: Camera | None, info: SourceInfo, notes: 
         return match_camera(_turned(camera, info, notes), info.width, info.height, scale=config.scale_intrinsics)
     except InputError as error:
         raise InputError(error.reason, file=config.camera or info.path, hint=error.hint) from error
+
+
+def _differ(a: Camera, b: Camera) -> bool:
+    """Whether two calibrations put anything more than half a pixel apart."""
+    size = (a.width, a.height)
+    if size != (b.width, b.height):
+        return True
+    edges = np.array([[0.0, 0.0], [a.width / 2.0, a.height / 2.0], [a.width - 1.0, a.height - 1.0]])
+    rays = np.column_stack([a.normalize(edges), np.ones(len(edges))])
+    apart = np.abs(b.project(rays) - edges)
+    return not bool((apart < _SAME_CAMERA_PX).all())
 
 
 def _turned(camera: Camera, info: SourceInfo, notes: list[str]) -> Camera:

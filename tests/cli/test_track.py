@@ -65,7 +65,7 @@ def test_a_run_writes_every_file(track: Track, here: Path, truth: np.ndarray) ->
     assert frames.ints("frame") == list(range(COUNT))
     assert frames.ints("t_ns") == list(TIMES_NS) == times_of(folder / "annotated.mp4")
     assert frames.texts("status") == ["ok"] * COUNT
-    assert frames.texts("stage") == ["far", *["near"] * (COUNT - 1)]  # no height is known before the first pose
+    assert frames.texts("stage") == ["near"] * COUNT
     assert np.abs(places(folder) - truth).max() < 0.02
     assert set(read_table(folder / "tracks.csv").texts("reference")) == {"body"}
     assert snapshot(here, without=["runs"]) == before

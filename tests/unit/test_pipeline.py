@@ -148,7 +148,9 @@ def test_the_height_of_the_last_pose_makes_the_stage_and_the_reason_is_said() ->
     assert results[0].altitude_m == pytest.approx(9.0)
     finder.pads = (("tag", (0.0, 0.0, 3.0)),)
     results = processed(finder, at(0, 1, 2))
-    assert [result.stage for result in results] == ["far", "near", "near"] == finder.stages[2:]
+    # before the first pose nothing tells the height: it is looked for as from afar, and known to be near once found
+    assert finder.stages[2:] == ["far", "near", "near"]
+    assert [result.stage for result in results] == ["near", "near", "near"]
     assert [result.reason for result in results] == ["", "", ""]
 
 
