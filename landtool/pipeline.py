@@ -59,8 +59,9 @@ def process(
     for frame in frames:
         if isinstance(frame, LostFrame):
             stepped = tracker.step(frame.t_ns, ())
-            reason = _joined(frame.reason, stepped.said)
-            yield frame, FrameResult(frame.index, frame.t_ns, frame.file, "damaged", reason, tracks=stepped.tracks)
+            reason, world_T_body = _joined(frame.reason, stepped.said), tracker.world_T_body(frame.t_ns)
+            lost = FrameResult(frame.index, frame.t_ns, frame.file, "damaged", reason, world_T_body=world_T_body)
+            yield frame, replace(lost, tracks=stepped.tracks)
             continue
         view = _View(frame, dehazer)
         world_T_body, expected = tracker.world_T_body(frame.t_ns), tracker.expected(frame.t_ns)

@@ -17,7 +17,17 @@ from numpy.typing import NDArray
 from landtool.geometry import Array
 from landtool.pad import PadSpec
 from landtool.target.ellipse import Ellipse
-from landtool.target.print_model import FINE, Placed, Plane, Print, print_of, shown, to_pixels
+from landtool.target.print_model import (
+    Placed,
+    Plane,
+    Print,
+    correlation,
+    limited_blur,
+    print_of,
+    shown,
+    slopes_of,
+    to_pixels,
+)
 from landtool.target.print_start import find_starts
 from landtool.tone import Tone, linear_lut
 from landtool.types import Image
@@ -229,7 +239,7 @@ def _rested(seen_at: Plane, what: Print, placed: Placed, light: Array | None, mo
         moved = float(np.abs(step[:6]).max()) / radius
         disc = pixels.u**2 + pixels.v**2 < _DISC
         share = float((base * agree)[disc].sum()) / max(float(base[disc].sum()), 1e-9)
-        fitted = _Fitted(placed, light, _correlation(model[disc], seen[disc]), share, scale, information, moved)
+        fitted = _Fitted(placed, light, correlation(model[disc], seen[disc]), share, scale, information, moved)
         if moved < _STOP:
             break
         step *= min(1.0, _LONGEST_STEP / moved)
@@ -241,14 +251,7 @@ def _slopes(fine: Plane, light: Array) -> Array:
     """Return how the picture changes (5, h w): along x and y, and with the blur's variances along x, mixed, and y."""
     ground = float(light[2:].mean())
     weights = np.array([-light[1], light[0] - ground], np.float32)
-    all_: Plane = fine[:, :, 0] * weights[0] + fine[:, :, 1] * weights[1]
-    mid, f = all_[1:-1, 1:-1], FINE
-    left, right, up, down = all_[1:-1, :-2], all_[1:-1, 2:], all_[:-2, 1:-1], all_[2:, 1:-1]
-    mixed = all_[2:, 2:] - all_[2:, :-2] - all_[:-2, 2:] + all_[:-2, :-2]
-    # a blurred picture changes with its variance by half its second derivative
-    planes = [(right - left) * (f / 2), (down - up) * (f / 2)]
-    planes += [(right + left - 2 * mid) * (f * f / 2), mixed * (f * f / 4), (down + up - 2 * mid) * (f * f / 2)]
-    return np.stack([to_pixels(np.asarray(plane, np.float32)).ravel() for plane in planes]).astype(np.float64)
+    return slopes_of(fine[:, :, 0] * weights[0] + fine[:, :, 1] * weights[1]).astype(np.float64)
 
 
 def _prior(placed: Placed, light: Array, radius: float) -> tuple[Array, Array]:
@@ -262,18 +265,9 @@ def _prior(placed: Placed, light: Array, radius: float) -> tuple[Array, Array]:
 
 
 def _stepped(placed: Placed, step: Array) -> Placed:
-    xx, xy, yy = placed.blur + step[6:9]
-    values, vectors = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
-    blur = (vectors * np.clip(values, _LEAST_BLUR, _MOST_BLUR)) @ vectors.T
+    blur = limited_blur(placed.blur + step[6:9], _LEAST_BLUR, _MOST_BLUR)
     axes = placed.axes + step[:4].reshape(2, 2)
-    return Placed(axes, placed.centre + step[4:6], np.array([blur[0, 0], blur[0, 1], blur[1, 1]]))
-
-
-def _correlation(a: Array, b: Array) -> float:
-    if len(a) < 2:
-        return 0.0
-    a, b = a - a.mean(), b - b.mean()
-    return min(max(float(a @ b) / math.sqrt(max(float(a @ a) * float(b @ b), 1e-12)), 0.0), 1.0)
+    return Placed(axes, placed.centre + step[4:6], blur)
 
 
 def _result(fitted: _Fitted, corner: Array) -> PrintFit:

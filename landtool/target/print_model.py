@@ -136,3 +136,33 @@ def to_pixels(fine: Plane) -> Plane:
     """Return the means (h, w) over each pixel's samples (h f, w f)."""
     rows, columns = fine.shape[0] // FINE, fine.shape[1] // FINE
     return np.asarray(cv2.resize(fine, (columns, rows), interpolation=cv2.INTER_AREA), np.float32)
+
+
+def slopes_of(fine: Plane) -> Plane:
+    """Return how a drawn picture changes (5, h w): along x and y, and with its blur's variances along x, mixed, and y.
+
+    fine: (h f + 2, w f + 2) its samples, with one spare on every side.
+    """
+    mid, f = fine[1:-1, 1:-1], FINE
+    left, right, up, down = fine[1:-1, :-2], fine[1:-1, 2:], fine[:-2, 1:-1], fine[2:, 1:-1]
+    mixed = fine[2:, 2:] - fine[2:, :-2] - fine[:-2, 2:] + fine[:-2, :-2]
+    # a blurred picture changes with its variance by half its second derivative
+    planes = [(right - left) * (f / 2), (down - up) * (f / 2)]
+    planes += [(right + left - 2 * mid) * (f * f / 2), mixed * (f * f / 4), (down + up - 2 * mid) * (f * f / 2)]
+    return np.stack([to_pixels(np.asarray(plane, np.float32)).ravel() for plane in planes])
+
+
+def limited_blur(blur: Array, least: float, most: float) -> Array:
+    """Return a blur's variances (3,) along x, mixed and along y with those along its own axes kept within bounds."""
+    xx, xy, yy = blur
+    values, vectors = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
+    limited = (vectors * np.clip(values, least, most)) @ vectors.T
+    return np.array([limited[0, 0], limited[0, 1], limited[1, 1]])
+
+
+def correlation(a: Array, b: Array) -> float:
+    """Return the correlation of two (N,), in [0, 1]: what is opposite is as unlike as what is unrelated."""
+    if len(a) < 2:
+        return 0.0
+    a, b = a - a.mean(), b - b.mean()
+    return min(max(float(a @ b) / math.sqrt(max(float(a @ a) * float(b @ b), 1e-12)), 0.0), 1.0)

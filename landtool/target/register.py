@@ -24,7 +24,18 @@ from landtool.camera import Camera
 from landtool.geometry import Array, Pose, rotvec_from_rotation
 from landtool.pad import PadSpec
 from landtool.target.patch import Patch, cut_patch, on_print
-from landtool.target.print_model import FINE, Plane, Print, blur_kernel, print_of, texture_level, to_pixels
+from landtool.target.print_model import (
+    FINE,
+    Plane,
+    Print,
+    blur_kernel,
+    correlation,
+    limited_blur,
+    print_of,
+    slopes_of,
+    texture_level,
+    to_pixels,
+)
 from landtool.tone import Tone
 from landtool.types import Image
 
@@ -153,7 +164,8 @@ class _Fit:
     def run(self, steps: int, before: Registered | None) -> Registered | None:
         pose, blur, light, least_steps, first_px = self.start, _BLUR.copy(), None, _LEAST_STEPS, _FIRST_SLACK_PX
         if before is not None:
-            blur, light, least_steps = _limited(before.blur_px2 / self.patch.shrink**2), before.light, _FEWEST_STEPS
+            blur = limited_blur(before.blur_px2 / self.patch.shrink**2, _LEAST_BLUR, _MOST_BLUR)
+            light, least_steps = before.light, _FEWEST_STEPS
             first_px = 0.5 * _FIRST_SLACK_PX
         outcome = None
         for done in range(steps):
@@ -167,7 +179,8 @@ class _Fit:
             light = linear.light
             step, moved = linear.step, linear.moved
             shorter = min(1.0, _LONGEST_STEP / moved)
-            pose, blur = pose.perturbed(shorter * step[:6]), _limited(blur + shorter * step[6:9])
+            pose = pose.perturbed(shorter * step[:6])
+            blur = limited_blur(blur + shorter * step[6:9], _LEAST_BLUR, _MOST_BLUR)
             light = light + shorter * step[9:]
             outcome = self._outcome(pose, blur, light, linear)
             if moved < _STOP and done + 1 >= least_steps:
@@ -240,7 +253,7 @@ class _Fit:
         share = float(weight[disc].sum()) / max(float(base[disc].sum()), 1e-9)
         return _Linear(
             light, step, motion / radius_px, information, scale, share,
-            _correlation(model[disc], seen[disc]), len(index),
+            correlation(model[disc], seen[disc]), len(index),
         )  # fmt: skip
 
     def _draw(self, pose: Pose, blur: Array) -> Plane:
@@ -325,14 +338,7 @@ def _slopes(fine: Plane, light: Array, index: NDArray[np.int64]) -> Array:
     """Return how the picture changes (5, N): along x and y, and with the blur's variances along x, mixed, and y."""
     ground = float(light[5:].mean())
     weights = np.array([[-light[3], light[0] - ground, -light[4]]], np.float32)
-    all_ = np.asarray(cv2.transform(fine, weights), np.float32)
-    mid, f = all_[1:-1, 1:-1], FINE
-    left, right, up, down = all_[1:-1, :-2], all_[1:-1, 2:], all_[:-2, 1:-1], all_[2:, 1:-1]
-    mixed = all_[2:, 2:] - all_[2:, :-2] - all_[:-2, 2:] + all_[:-2, :-2]
-    # a blurred picture changes with its variance by half its second derivative
-    planes = [(right - left) * (f / 2), (down - up) * (f / 2)]
-    planes += [(right + left - 2 * mid) * (f * f / 2), mixed * (f * f / 4), (down + up - 2 * mid) * (f * f / 2)]
-    return np.stack([to_pixels(np.asarray(plane, np.float32)).ravel()[index] for plane in planes]).astype(np.float64)
+    return slopes_of(np.asarray(cv2.transform(fine, weights), np.float32))[:, index].astype(np.float64)
 
 
 def _prior(blur: Array, light: Array) -> tuple[Array, Array]:
@@ -348,13 +354,6 @@ def _prior(blur: Array, light: Array) -> tuple[Array, Array]:
     return prior, pull
 
 
-def _limited(blur: Array) -> Array:
-    xx, xy, yy = blur
-    values, vectors = np.linalg.eigh(np.array([[xx, xy], [xy, yy]]))
-    limited = (vectors * np.clip(values, _LEAST_BLUR, _MOST_BLUR)) @ vectors.T
-    return np.array([limited[0, 0], limited[0, 1], limited[1, 1]])
-
-
 def _solved(information: Array, gradient: Array) -> Array | None:
     """Solve the normal equations, scaled to a unit diagonal as their entries span many decades."""
     d = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
@@ -364,10 +363,3 @@ def _solved(information: Array, gradient: Array) -> Array | None:
     except np.linalg.LinAlgError:
         return None
     return step if np.isfinite(step).all() else None
-
-
-def _correlation(a: Array, b: Array) -> float:
-    if len(a) < 2:
-        return 0.0
-    a, b = a - a.mean(), b - b.mean()
-    return min(max(float(a @ b) / math.sqrt(max(float(a @ a) * float(b @ b), 1e-12)), 0.0), 1.0)
