@@ -75,7 +75,7 @@ class PadMeasurer:
         The edges decide where the tags leave the orientation open; without them both solutions remain. expected: where
         the pad should be, a start that spares the two of the tags.
         """
-        corners = pad_corners(tags, self.camera, self.pad)
+        corners = pad_corners([_with_own_doubt(tag) for tag in tags], self.camera, self.pad)
         if corners is None:
             return ()
         if expected is not None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,3 +110,15 @@ def test_a_near_tag_is_refined_though_its_edges_are_a_little_off() -> None:
     off = found.camera_T_pad.translation - truth.translation
     assert np.linalg.norm(off) < 0.002 * 0.62
     assert found.camera_T_pad.angle_to(truth) < np.radians(0.2)
+
+
+def test_large_tags_are_no_better_known_than_blur_and_tone_allow() -> None:
+    """A corner's own noise is some thousandths of a pixel there; what its edges may be off is far more."""
+    tag_only = replace(PAD, ring=None, letter=None, board=None)
+    truth = view(0.35, 8.0, 1.0, 0.5)
+    image = photograph(truth, np.random.default_rng(3), pad=tag_only)
+    tags = TagReader(ReaderConfig.of_pad(tag_only)).read_frame(image)
+    (best, *_) = PadMeasurer(CAMERA, tag_only, "srgb").by_tags(image, tags)
+    across_m = math.sqrt(float(best.covariance[0, 0]))
+    side_m = PAD.tag_size_m(PAD.tags[0])
+    assert 0.2 * 0.001 * side_m < across_m < 0.01 * side_m
