@@ -33,6 +33,9 @@ X264 = {"preset": "veryfast", "crf": "20"}
 # For pictures to look at: half the time, as near to the picture, a fifth larger at the most. Without looking ahead
 # (mbtree) it would be larger by a quarter.
 X264_QUICK = {"preset": "superfast", "crf": "19.7", "x264-params": "mbtree=1:rc-lookahead=10"}
+# x264's look ahead at small pictures differs by a bit from run to run; without it the same pictures are the same bytes.
+SMALL = 640 * 360  # pixels
+X264_SMALL = {"x264-params": "mbtree=0"}
 # Fragments while recording, so that a killed one can be read up to its last second; turned into a plain file with one
 # index when it is closed. The index waits for the first pictures (delay_moov), or a later start would be lost.
 MUXER = {"movflags": "hybrid_fragmented+frag_keyframe+delay_moov", "flush_packets": "1"}
@@ -206,7 +209,10 @@ class VideoWriter:
         # Only the encoder's level and the key frames' distance follow from this rate; the times do not. The first
         # two pictures may be one tick or an hour apart, and a level beyond any player's helps nobody.
         rate = min(max(1 / (self._step * self.time_base), Fraction(1)), Fraction(240)).limit_denominator(1001)
-        stream = container.add_stream("libx264", rate=rate, options=dict(X264_QUICK if self._quick else X264))
+        options = X264_QUICK if self._quick else X264
+        if self.width * self.height < SMALL:
+            options = options | X264_SMALL
+        stream = container.add_stream("libx264", rate=rate, options=dict(options))
         stream.width, stream.height = self.width + self.width % 2, self.height + self.height % 2
         stream.pix_fmt = "yuv420p"
         stream.time_base = self.time_base

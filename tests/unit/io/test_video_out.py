@@ -196,9 +196,11 @@ def test_pictures_of_another_size_are_scaled_and_counted(tmp_path: Path) -> None
 
 
 def test_the_same_pictures_give_the_same_bytes(tmp_path: Path) -> None:
-    for name in ("a.mp4", "b.mp4"):
-        _write(tmp_path / name, [40_000_000 * index for index in range(20)], Fraction(1, 1000))
-    assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
+    seen = set()
+    for _ in range(40):  # small pictures once differed in one of thirty runs
+        _write(tmp_path / "o.mp4", [40_000_000 * index for index in range(20)], Fraction(1, 1000))
+        seen.add((tmp_path / "o.mp4").read_bytes())
+    assert len(seen) == 1
 
 
 KILLED = """
