@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DELETE_ON_ERROR:
-.PHONY: help demo test test-full lint bench fixtures model clean
+.PHONY: help demo test test-full lint gate docs bench fixtures model clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
@@ -28,6 +28,14 @@ lint: $(VENV)/.installed-dev ## check format, style, types and the direction of 
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+gate: $(VENV)/.installed-dev ## score every stage on datasets/fixtures against the kept baseline
+	$(BIN)/landtool eval --dataset datasets/fixtures --baseline datasets/baseline.json --tolerance datasets/tolerance.toml \
+	    -o runs/gate --overwrite
+
+docs: $(VENV)/.installed-dev ## build the pages as a site: site/index.html
+	$(BIN)/python tools/make_docs.py --check
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs site
 
 bench: $(VENV)/.installed-dev ## print the tables of speed and accuracy
 	$(BIN)/python -m bench
