@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-
-from landtool.geometry import Array
+from numpy.typing import NDArray
 
 # Bounds of the parts, by the fact they are about; the first part begins at the first bound, the last may be open
 BOUNDS: dict[str, tuple[float, ...]] = {
@@ -39,7 +38,7 @@ class Facts:
     blur_px: float | None = None
 
 
-def parts(fact: str, values: Sequence[float | None]) -> Iterator[tuple[str, Array]]:
+def parts(fact: str, values: Sequence[float | None]) -> Iterator[tuple[str, NDArray[np.bool_]]]:
     """Yield every part that values fall into: its name as `distance_m=2-4`, and which (N,) of the values do.
 
     An unknown value is in no part. Raises KeyError for a fact that BOUNDS does not name.
