@@ -142,7 +142,7 @@ class Summary:
         judged = facts(self._log.verdict(), wall_s=wall_s, switch_altitude_m=self._switch_altitude_m)
         told = self._tone()
         tone = None if told is None else asdict(told)
-        return judged | {"tone": tone}
+        return judged | {"tone": tone, "lines": self.lines()}
 
     def notes(self) -> list[str]:
         """Return what makes the results less than they seem, one sentence each."""

@@ -51,3 +51,4 @@ def test_what_is_said_of_the_tone_curve(tone: Tone, settled: bool, said: str) ->
     (line,) = [line for line in summary.lines() if "tone curve" in line]
     assert said in line
     assert summary.facts(1.0)["tone"]["gamma"] == 1.83
+    assert summary.facts(1.0)["lines"] == summary.lines()
