@@ -11,7 +11,7 @@ import numpy as np
 
 from landtool.camera import Camera
 from landtool.config import AUTO_TONE, BOUNDS, TrackConfig
-from landtool.detect.stage import DetectStage
+from landtool.detect.stage import BoxDetector, DetectStage
 from landtool.draw import Overlay
 from landtool.errors import InputError, UsageError
 from landtool.geometry import Pose
@@ -123,7 +123,7 @@ def track(
         return RunParts(
             lambda frames: process(
                 frames,
-                finder=_finder(config, setup, gauge),
+                finder=make_finder(config, setup.camera, setup.pad, setup.body_T_camera, setup.detector, gauge),
                 switch=switch,
                 tracker=tracker,
                 body_T_camera=setup.body_T_camera,
@@ -220,13 +220,19 @@ def _ego_topic(topic: str | None, info: SourceInfo) -> EgoTrajectory | None:
     return EgoTrajectory(EgoPoses(stamps, places, np.array([pose.quaternion_wxyz for _, pose in stamped])))
 
 
-def _finder(config: TrackConfig, setup: _Setup, gauge: ToneGauge | None) -> Finder:
-    tone: Tone = "srgb" if gauge is not None else parse_tone(config.tags.tone)
-    measurer = PadMeasurer(setup.camera, setup.pad, tone)
-    tags = TagLook(tag_reader(config.tags, setup.pad), setup.camera, setup.pad)
-    detector = None
-    if setup.detector is not None:
-        detector = DetectStage(setup.detector, regions=config.policy == "fuse", tone=tone)
+def make_finder(
+    config: TrackConfig,
+    camera: Camera,
+    pad: PadSpec,
+    body_T_camera: Pose,
+    detector: BoxDetector | None,
+    gauge: ToneGauge | None,
+) -> Finder:
+    """Return what finds and measures pads as the settings say; gauge: of the tone curve, None where it is known."""
+    tone: Tone = "srgb" if gauge is not None or config.tags.tone == AUTO_TONE else parse_tone(config.tags.tone)
+    measurer = PadMeasurer(camera, pad, tone)
+    tags = TagLook(tag_reader(config.tags, pad), camera, pad)
+    stage = None if detector is None else DetectStage(detector, regions=config.policy == "fuse", tone=tone)
     if config.policy == "paper":
-        return PaperFinder(measurer, tags, detector, setup.body_T_camera)
-    return PadFinder(measurer, tags, detector, setup.body_T_camera, everywhere=config.tags.which == "all", gauge=gauge)
+        return PaperFinder(measurer, tags, stage, body_T_camera)
+    return PadFinder(measurer, tags, stage, body_T_camera, everywhere=config.tags.which == "all", gauge=gauge)
