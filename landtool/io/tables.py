@@ -176,6 +176,14 @@ class TableWriter:
         self._file.writelines(",".join(map(format_cell, row)) + "\n" for row in self._table.rows(result))
 
 
+def write_table(path: Path, columns: Columns, rows: Iterable[Row], *, overwrite: bool = False) -> None:
+    """Write a whole table. Raises OutputExistsError and OutputError as `atomic_path` does."""
+    with atomic_path(path, overwrite=overwrite) as temporary:
+        with temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
+            file.write(",".join(columns) + "\n")
+            file.writelines(",".join(map(format_cell, row)) + "\n" for row in rows)
+
+
 @dataclass(frozen=True)
 class ReadTable:
     """A table as read: every column's cells, in the file's order; None is an empty field."""
@@ -214,20 +222,34 @@ def read_rows(path: Path, columns: Columns | None = None) -> Iterator[dict[str, 
     Raises UsageError when the file cannot be opened, InputError naming file and line when it is no such table.
     """
     wanted = _columns_of(path) if columns is None else columns
+    return (row for _, row in numbered_rows(path, wanted))
+
+
+def numbered_rows(path: Path, wanted: Columns) -> Iterator[tuple[int, dict[str, Cell]]]:
+    """Yield the rows as `read_rows` does, each with the number of its last line in the file."""
     records = _records(path)
-    _, header = next(records, (0, []))
-    if not header:
-        raise InputError("is empty", file=path, hint=f"its first line must name the columns {', '.join(wanted)}")
-    missing = [name for name in wanted if header.count(name) != 1]
-    if missing:
-        reason = f"line 1: not exactly one column {', '.join(missing)}"
-        raise InputError(reason, file=path, hint=f"its first line must name the columns {', '.join(wanted)}")
+    header = _header(path, next(records, (0, []))[1], wanted)
     for line, fields in records:
         if len(fields) != len(header):
             reason = f"line {line}: {len(fields)} fields where the header has {len(header)}"
             raise InputError(reason, file=path, hint="the file may be cut; write it again")
         row = dict(zip(header, fields, strict=True))
-        yield {name: _cell(path, line, name, row[name], kind) for name, kind in wanted.items()}
+        yield line, {name: _cell(path, line, name, row[name], kind) for name, kind in wanted.items()}
+
+
+def column_names(path: Path) -> list[str]:
+    """Return the names in a table's header. Raises UsageError and InputError as `read_rows` does."""
+    return _header(path, next(_records(path), (0, []))[1], {})
+
+
+def _header(path: Path, header: list[str], wanted: Columns) -> list[str]:
+    hint = f"its first line must name the columns {', '.join(wanted)}" if wanted else "its first line names columns"
+    if not header:
+        raise InputError("is empty", file=path, hint=hint)
+    missing = [name for name in wanted if header.count(name) != 1]
+    if missing:
+        raise InputError(f"line 1: not exactly one column {', '.join(missing)}", file=path, hint=hint)
+    return header
 
 
 def _columns_of(path: Path) -> Columns:
