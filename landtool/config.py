@@ -24,6 +24,8 @@ Settings = TypeVar("Settings")
 SAVES = ("video", "csv")  # of landtool detect, and its default
 TRACK_SAVED = (*SAVES, "plot")  # the default of landtool track
 TRACK_SAVES = (*TRACK_SAVED, "mcap", "tum")
+EVAL_STAGES = ("detection", "pose", "track", "dehaze")
+EVAL_SAVES = ("csv", "video")
 # What a number must lie in; the command line's options have the same
 BOUNDS = {
     "hfov_deg": (1.0, 170.0),
@@ -149,6 +151,40 @@ class DetectConfig:
 
 
 @dataclass(frozen=True)
+class EvalConfig:
+    """What `landtool eval` can be told besides the settings of `landtool track`; in a TOML its table is [eval]."""
+
+    # folder or file to evaluate with; kept numbers to compare with, and how much worse each may become
+    dataset: Path | None = None
+    baseline: Path | None = None
+    tolerance: Path | None = None
+    # which labelled pictures: auto: the first of test, val and train that holds any
+    split: Literal["auto", "test", "val", "train", "all"] = "auto"
+    # what is scored; pose and track follow every clip as `landtool track` does
+    stages: tuple[str, ...] = EVAL_STAGES
+    # use the drone's own poses of the clips that have them
+    ego: bool = True
+    # the network looks at every n-th frame of a clip
+    every: int = 1
+    # a false detection of this score and more is a false alarm
+    alarm_conf: float = 0.5
+    # outputs besides metrics.json: csv: metrics.csv and the errors frame by frame; video: the clips annotated
+    save: tuple[str, ...] = EVAL_SAVES[:1]
+
+    def __post_init__(self) -> None:
+        _refuse_unknown_outputs(self.save, EVAL_SAVES)
+        for stage in self.stages:
+            if stage not in EVAL_STAGES:
+                raise UsageError(f"unknown stage '{stage}'", hint=f"known: {', '.join(EVAL_STAGES)}")
+        if not self.stages:
+            raise UsageError("no stage to score", hint=f"known: {', '.join(EVAL_STAGES)}")
+        if self.every < 1:
+            raise UsageError(f"every = {self.every} is impossible", hint="give 1 or more")
+        if not 0.0 <= self.alarm_conf <= 1.0:
+            raise UsageError(f"alarm_conf = {self.alarm_conf:g} is impossible", hint="give 0 to 1")
+
+
+@dataclass(frozen=True)
 class DehazeCommandConfig:
     """Everything `landtool dehaze` can be told, except its inputs and its output."""
 
@@ -186,6 +222,8 @@ class GenerateConfig:
     backgrounds: tuple[str, ...] = ()
     # processes that draw; none: one a core
     jobs: int | None = None
+    # for each picture in fog draw the same in clear air, without noise, too
+    clear: bool = False
     # draw the contact sheet and the statistics, too
     preview: bool = True
     # what the pictures vary in
@@ -211,7 +249,11 @@ def _refuse_out_of_bounds(settings: Any) -> None:
 
 
 # Settings that name files, each with its table
-_FILES = tuple(("", name) for name in ("camera", "pad", "mount", "ego", "cfg", "weights")) + (("detector", "model"),)
+_FILES = (
+    *(("", name) for name in ("camera", "pad", "mount", "ego", "cfg", "weights")),
+    ("detector", "model"),
+    *(("eval", name) for name in ("dataset", "baseline", "tolerance")),
+)
 
 
 def read_config(path: Path) -> dict[str, Any]:

@@ -104,7 +104,7 @@ def write_run(folder: Path, record: RunRecord, *, overwrite: bool = False) -> Pa
         stage: {"total_s": time.total_s, "mean_ms": time.mean_ms, "frames": time.frames}
         for stage, time in record.timings.items()
     }
-    text = json.dumps({"schema_version": SCHEMA_VERSION, **_plain(values)}, indent=2, allow_nan=False)
+    text = json.dumps({"schema_version": SCHEMA_VERSION, **plain(values)}, indent=2, allow_nan=False)
     path = folder / RUN_FILE
     with atomic_path(path, overwrite=overwrite) as temporary:
         temporary.write_text(text + "\n", encoding="utf-8")
@@ -115,8 +115,8 @@ def provenance(command: str, config: Mapping[str, Any], inputs: Sequence[HashedF
     """Return what a file that leaves its folder says of its making; settings and inputs are JSON."""
     return {
         "command": command,
-        "config": json.dumps(_plain(config), allow_nan=False),
-        "inputs": json.dumps(_plain(list(inputs))),
+        "config": json.dumps(plain(config), allow_nan=False),
+        "inputs": json.dumps(plain(list(inputs))),
     }
 
 
@@ -156,17 +156,17 @@ def _file_digest(path: Path) -> str:
     return digest.hexdigest()
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Turn a value into what JSON has; numbers that are not finite become null, everything strange its text."""
     if is_dataclass(value) and not isinstance(value, type):
-        return _plain(asdict(value))
+        return plain(asdict(value))
     if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, list | tuple | set | frozenset):
         items = sorted(value, key=str) if isinstance(value, set | frozenset) else value
-        return [_plain(item) for item in items]
+        return [plain(item) for item in items]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if value is None or isinstance(value, str | int):

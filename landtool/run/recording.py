@@ -100,7 +100,10 @@ class RunParts:
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """What became of one input. exit_code: 0, or 3 when frames were lost or damaged."""
+    """What became of one input.
+
+    exit_code: 0, or 3 when frames were lost or damaged. camera: of the pictures as they were measured, if there is one.
+    """
 
     folder: Path
     summary: RunSummary
@@ -109,6 +112,7 @@ class RunOutcome:
     notes: tuple[str, ...]
     wall_s: float
     exit_code: int
+    camera: Camera | None = None
 
 
 def run_recording(request: RunRequest, prepare: Callable[[SourceInfo], RunParts]) -> RunOutcome:
@@ -155,6 +159,7 @@ def run_recording(request: RunRequest, prepare: Callable[[SourceInfo], RunParts]
             tuple(dict.fromkeys((*said, *parts.summary.notes()))),
             time.perf_counter() - started,
             0 if source.report.complete and not parts.summary.lossy else 3,
+            parts.camera,
         )
         write_run(temporary, _record(request, outcome, hashed()))
     return outcome

@@ -1,0 +1,208 @@
+"""Finds what a folder holds to evaluate with: labelled pictures, recordings with truth, pictures with and without haze."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+
+from landtool.errors import UsageError
+from landtool.evaluate.dehazing import FogPair, find_pairs
+from landtool.io.coco import read_coco
+from landtool.io.images import RECORDING_SUFFIXES, SUFFIXES
+from landtool.io.labels import LabelledImage, YoloDataset, is_yolo_folder, read_yolo, read_yolo_folder
+from landtool.io.run_record import sha256_of
+
+Split = Literal["auto", "test", "val", "train", "all"]
+SPLITS: tuple[Split, ...] = get_args(Split)
+TRUTH_END = ".truth.csv"
+DATA_FILE = "data.yaml"
+_PREFERRED = ("test", "val", "train")  # the first that holds pictures: a network is not to be judged by what it learnt
+_HINT = "give a folder of `landtool generate`, a YOLO or COCO dataset, or recordings with their .truth.csv beside them"
+
+
+@dataclass(frozen=True)
+class Stills:
+    """Labelled pictures. names: of the classes by their ids. truth: the truth.csv of a generated dataset, pad: its TOML."""
+
+    name: str
+    folder: Path
+    names: tuple[str, ...]
+    images: tuple[LabelledImage, ...]
+    truth: Path | None
+    pad: Path | None
+
+
+@dataclass(frozen=True)
+class Clip:
+    """A recording with its truth, and the files beside it: calibration, pad, the drone's own poses; None where absent."""
+
+    name: str
+    path: Path
+    truth: Path
+    camera: Path | None
+    pad: Path | None
+    ego: Path | None
+
+
+@dataclass(frozen=True)
+class FogPairs:
+    """Pictures in haze, each with the same view in clear air."""
+
+    name: str
+    folder: Path
+    pairs: tuple[FogPair, ...]
+
+
+Part = Stills | Clip | FogPairs
+
+
+@dataclass(frozen=True)
+class EvalDataset:
+    """Everything found, in the order of the names. notes: what was left out and why, a sentence each."""
+
+    path: Path
+    parts: tuple[Part, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def stills(self) -> tuple[Stills, ...]:
+        """The sets of labelled pictures."""
+        return tuple(part for part in self.parts if isinstance(part, Stills))
+
+    @property
+    def clips(self) -> tuple[Clip, ...]:
+        """The recordings with truth."""
+        return tuple(part for part in self.parts if isinstance(part, Clip))
+
+    @property
+    def fog_pairs(self) -> tuple[FogPairs, ...]:
+        """The pictures with and without haze."""
+        return tuple(part for part in self.parts if isinstance(part, FogPairs))
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 over the names and the contents of all files that a score depends on."""
+        digest = hashlib.sha256()
+        root = self.path if self.path.is_dir() else self.path.parent
+        for file in sorted({file.resolve() for part in self.parts for file in _files(part)}):
+            name = file.relative_to(root.resolve()).as_posix() if file.is_relative_to(root.resolve()) else file.name
+            digest.update(name.encode("utf-8", "surrogateescape") + b"\0" + sha256_of(file).encode() + b"\n")
+        for part in self.stills:  # labels by what they say: YOLO and COCO files of the same boxes are the same truth
+            said = (part.names, [(image.path.name, image.boxes) for image in part.images])
+            digest.update(repr(said).encode("utf-8", "surrogateescape"))
+        return digest.hexdigest()
+
+
+def open_dataset(path: Path, split: Split = "auto") -> EvalDataset:
+    """Find what a folder, a data.yaml, a COCO json or a single recording holds. An empty folder gives no parts.
+
+    split: of labelled pictures; auto takes the first of test, val and train that holds any.
+    Raises UsageError for what is not there or no dataset, InputError as the readers of its files do.
+    """
+    notes: list[str] = []
+    if path.is_dir():
+        parts = sorted(_in_folder(path, path, split, notes), key=lambda part: part.name)
+        return EvalDataset(path, tuple(parts), tuple(notes))
+    if not path.exists():
+        raise UsageError("does not exist", file=path, hint=_HINT)
+    if path.suffix in (".yaml", ".yml"):
+        found: list[Part] = [_yolo(path.parent.name, read_yolo(path), split, notes)]
+    elif path.suffix == ".json":
+        coco = read_coco(path)
+        found = [Stills(path.stem, path.parent, coco.names, coco.images, None, None)]
+    else:
+        found = list(_clips(path.parent, path.parent, notes, only=path))
+        if not found:
+            truth = path.with_suffix(TRUTH_END)
+            raise UsageError(f"has no truth beside it ({truth.name})", file=path, hint=_HINT)
+    return EvalDataset(path, tuple(found), tuple(notes))
+
+
+def _in_folder(folder: Path, root: Path, split: Split, notes: list[str]) -> Iterator[Part]:
+    name = _name(folder, root)
+    stills = list(_stills(folder, name, split, notes))
+    pairs = find_pairs(folder)
+    yield from stills
+    if pairs:
+        yield FogPairs(f"{name} in fog" if stills else name, folder, pairs)
+    yield from _clips(folder, root, notes)
+    if not stills and not pairs:
+        for inner in sorted(entry for entry in folder.iterdir() if entry.is_dir()):
+            if not inner.name.startswith("."):
+                yield from _in_folder(inner, root, split, notes)
+
+
+def _stills(folder: Path, name: str, split: Split, notes: list[str]) -> Iterator[Stills]:
+    """Yield the labelled pictures of a folder; one of a generated dataset has them in three forms, of which one counts."""
+    if (folder / DATA_FILE).is_file():
+        yield _yolo(name, read_yolo(folder / DATA_FILE), split, notes)
+    elif is_yolo_folder(folder):
+        yield _yolo(name, read_yolo_folder(folder), split, notes)
+    elif (folder / "annotations").is_dir():
+        for file in sorted((folder / "annotations").glob("*.json")):
+            if split in ("auto", "all", file.stem):
+                coco = read_coco(file)
+                yield Stills(f"{name}/{file.stem}", folder, coco.names, coco.images, None, None)
+
+
+def _yolo(name: str, dataset: YoloDataset, split: Split, notes: list[str]) -> Stills:
+    filled = [given for given in dataset.splits if dataset.splits[given]]
+    if split == "all":
+        chosen = filled
+    elif split == "auto":
+        chosen = [given for given in _PREFERRED if given in filled][:1]
+        left = [given for given in filled if given not in chosen]
+        if left:
+            notes.append(f"{name}: its split {chosen[0]} was taken; {' and '.join(left)} with --split all")
+    else:
+        chosen = [given for given in filled if given == split]
+        if not chosen:
+            notes.append(f"{name}: has no split {split}, it has {', '.join(filled) or 'none'}")
+    folder = dataset.file if dataset.file.is_dir() else dataset.file.parent
+    images = tuple(image for given in chosen for image in dataset.read(given))
+    return Stills(name, folder, dataset.names, images, _if_there(folder / "truth.csv"), _if_there(folder / "pad.toml"))
+
+
+def _clips(folder: Path, root: Path, notes: list[str], only: Path | None = None) -> Iterator[Clip]:
+    """Yield the recordings of a folder that have a truth; of a video and a log of one landing the video."""
+    recordings = sorted(file for file in folder.iterdir() if file.suffix.lower() in RECORDING_SUFFIXES)
+    for truth in sorted(folder.glob(f"*{TRUTH_END}")):
+        stem = truth.name.removesuffix(TRUTH_END)
+        own = [file for file in recordings if file.stem == stem] + [p for p in (folder / stem,) if _has_pictures(p)]
+        own = [file for file in own if only is None or file == only]
+        own.sort(key=lambda file: file.suffix.lower() == ".mcap")
+        if not own:
+            if only is None:
+                notes.append(f"{_name(truth, root)}: no recording beside it")
+            continue
+        notes += [f"{_name(file, root)}: left out, {own[0].name} shows the same landing" for file in own[1:]]
+        beside = (_if_there(folder / f"{stem}.{end}") for end in ("camera.yaml", "pad.toml", "ego.csv"))
+        yield Clip(_name(folder / stem, root), own[0], truth, *beside)
+    known = {truth.name.removesuffix(TRUTH_END) for truth in folder.glob(f"*{TRUTH_END}")}
+    without = [file for file in recordings if file.stem not in known and only is None]
+    notes += [f"{_name(file, root)}: left out, it has no truth beside it ({file.stem}{TRUTH_END})" for file in without]
+
+
+def _has_pictures(folder: Path) -> bool:
+    return folder.is_dir() and any(file.suffix.lower() in SUFFIXES for file in folder.iterdir())
+
+
+def _files(part: Part) -> Iterable[Path]:
+    if isinstance(part, Clip):
+        given = (part.path, part.truth, part.camera, part.pad, part.ego)
+        return (file for file in given if file is not None)
+    if isinstance(part, FogPairs):
+        return (file for pair in part.pairs for file in (pair.hazy, pair.clear))
+    truth = [file for file in (part.truth, part.pad) if file is not None]
+    return (*(image.path for image in part.images), *truth)
+
+
+def _name(path: Path, root: Path) -> str:
+    return root.resolve().name if path == root else path.relative_to(root).as_posix()
+
+
+def _if_there(path: Path) -> Path | None:
+    return path if path.is_file() else None
