@@ -76,7 +76,7 @@ def test_every_change_changes_something() -> None:
 
 def test_the_additions_keep_the_contracts(copy: Path) -> None:
     done = program(
-        copy, "-m", "pytest", "tests/contracts", "-p", "no:cacheprovider", "-k", " or ".join(CONTRACTS), "-v"
+        copy, "-m", "pytest", "tests/contracts", "-p", "no:cacheprovider", "-k", " or ".join(CONTRACTS), "-vv"
     )
     assert done.returncode == 0, done.stdout
     assert all(f"[{name}]" in done.stdout for name in CONTRACTS)
