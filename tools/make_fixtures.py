@@ -27,7 +27,7 @@ CLIPS = {
     # near enough that the tag is read before the bridge hides it
     "occlusion": ClipConfig("occlusion", 4.0, SLOW, SMALL, 4.2, hfov_deg=60.0, seed=22),
 }
-STILLS = DatasetRequest(40, 5, SMALL, (0.5, 0.25, 0.25), Domain(jpeg_quality=(60.0, 90.0)), PadSpec())
+STILLS = DatasetRequest(40, 5, SMALL, (0.5, 0.25, 0.25), Domain(jpeg_quality=(60.0, 90.0)), PadSpec(), clear=True)
 
 
 def main() -> None:

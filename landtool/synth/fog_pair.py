@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from landtool.pad import PadSpec
 from landtool.synth.domain import Domain
 from landtool.synth.fog import Fog
-from landtool.synth.photograph import light_of, random_sensor
+from landtool.synth.photograph import clear_twin, light_of, random_sensor
 from landtool.synth.random_scene import draw_scene
 from landtool.types import Image
 
@@ -55,8 +55,7 @@ def make_fog_pair(
     linear, rendered = light_of(drawn.scene, drawn.view)
     eye = drawn.view.world_T_camera.translation
     t = fog.transmission(rendered.distance_m, rendered.x_m, rendered.y_m, (float(eye[0]), float(eye[1])))
-    clear, _ = light_of(replace(drawn.scene, fog=None), drawn.view)
     sensor = random_sensor(domain, rng)
-    quiet = replace(sensor, shot_variance=0.0, read_variance=0.0)
     distance_m = float(np.median(rendered.distance_m))
-    return FogPair(sensor.picture(linear, rng), quiet.picture(clear, rng), t, fog, distance_m)
+    clear = clear_twin(drawn.scene, drawn.view, sensor)
+    return FogPair(sensor.picture(linear, rng), clear, t, fog, distance_m)

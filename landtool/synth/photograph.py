@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from landtool.synth.compose import Linear, Rendered, render
@@ -10,6 +12,7 @@ from landtool.synth.motion_blur import flow_grid, motion_blur
 from landtool.synth.scene import Scene
 from landtool.synth.sensor import Sensor
 from landtool.synth.view import View
+from landtool.types import Image
 
 
 def light_of(scene: Scene, view: View) -> tuple[Linear, Rendered]:
@@ -27,6 +30,13 @@ def light_of(scene: Scene, view: View) -> tuple[Linear, Rendered]:
             over = flow_grid(view, float(scene.target.world_T_pad.translation[2]), scene.target.velocity_mps)
         linear = motion_blur(linear, ground_flow, over, rendered.platform)
     return linear, rendered
+
+
+def clear_twin(scene: Scene, view: View, sensor: Sensor) -> Image:
+    """Return the picture (H, W, 3) BGR uint8 of a scene without its fog, by the same camera without its noise."""
+    linear, _ = light_of(replace(scene, fog=None), view)
+    quiet = replace(sensor, shot_variance=0.0, read_variance=0.0)
+    return quiet.picture(linear, np.random.default_rng(0))  # of which nothing is drawn: there is no noise
 
 
 def random_sensor(domain: Domain, rng: np.random.Generator) -> Sensor:

@@ -50,10 +50,14 @@ class Truth:
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """A picture as the content of its .jpg file, and its truth."""
+    """A picture as the content of its .jpg file, and its truth.
+
+    clear: of a picture in fog the same in clear air without noise, a .jpg file, too; None elsewhere, or not asked for.
+    """
 
     jpeg: bytes
     truth: Truth
+    clear: bytes | None = None
 
     @property
     def image(self) -> Image:

@@ -50,6 +50,15 @@ def test_says_what_it_made_and_where(capsys: Said) -> None:
 
 
 @pytest.mark.usefixtures("here")
+def test_twins_in_clear_air(capsys: Said) -> None:
+    assert run(["generate", "images", "-o", "data", "-n", "6", "--clear", *SMALL]) == 0
+    assert "  in clear air, too: data/clear, 4 images in fog" in capsys.readouterr().out.splitlines()
+    names = {path.relative_to("data/clear") for path in Path("data/clear").rglob("*.jpg")}
+    assert len(names) == 4
+    assert all((Path("data/images") / name).exists() for name in names)
+
+
+@pytest.mark.usefixtures("here")
 def test_speed_goes_to_stderr(capsys: Said) -> None:
     assert run(["generate", "images", "-o", "data", "-n", "3", *SMALL, "-v"]) == 0
     assert "3 images in " in capsys.readouterr().err

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from landtool.io.tables import read_rows
 from landtool.synth.clips import SCENARIOS
+from landtool.synth.dataset import TRUTH_COLUMNS
 from tests.golden.clip import FIXTURES
 from tools import make_fixtures
 
@@ -46,7 +48,10 @@ def test_a_clip_is_of_its_request_and_as_it_was_written(name: str) -> None:
 
 def test_the_stills_are_as_they_were_written() -> None:
     said, found = manifest(FIXTURES / "stills" / "manifest.json"), digests(FIXTURES / "stills")
-    assert said["n"] == make_fixtures.STILLS.n == len([file for file in found if file.endswith(".jpg")])
+    assert said["n"] == make_fixtures.STILLS.n == len([file for file in found if file.startswith("images/")])
+    rows = read_rows(FIXTURES / "stills" / "truth.csv", TRUTH_COLUMNS)
+    foggy = {str(row["file"]).replace("images", "clear") for row in rows if row["beta_per_m"]}
+    assert {file for file in found if file.startswith("clear/")} == foggy
     del found["manifest.json"]
     assert said["files"] == found
 

@@ -56,6 +56,9 @@ def shares(text: str) -> tuple[float, ...]:
     help=f"Photographs to lay under the pad: a folder, or those of the package {SCIKIT_IMAGE}. May be repeated.",
 )
 @click.option("--jobs", type=click.IntRange(min=1), metavar="J", help="Processes that draw.  [default: one a core]")
+@click.option(
+    "--clear", is_flag=True, default=None, help="Draw each image in fog in clear air, too, to measure dehazing."
+)
 @click.option("--preview/--no-preview", default=None, help="Draw a contact sheet and statistics.  [default: preview]")
 @options.config
 @options.overwrite
@@ -216,7 +219,9 @@ def _pad(file: Path | None, diameter_m: float | None) -> PadSpec:
 
 def _request(settings: GenerateConfig, n: int, pad: PadSpec, photos: Any) -> DatasetRequest:
     try:
-        return DatasetRequest(n, settings.seed, settings.size, settings.split, settings.domain, pad, photos)
+        return DatasetRequest(
+            n, settings.seed, settings.size, settings.split, settings.domain, pad, photos, settings.clear
+        )
     except InputError as error:  # the pad's content
         raise InputError(error.reason, file=settings.pad, hint=error.hint) from error
 
@@ -252,5 +257,7 @@ def _tell(console: Console, summary: DatasetSummary, settings: GenerateConfig) -
     console.result("  " + ", ".join(f"{name} {count}" for name, count in summary.splits.items()))
     console.result(f"  labels: {folder / 'data.yaml'} (YOLO), {folder / 'annotations'} (COCO)")
     console.result(f"  truth: {folder / 'truth.csv'}")
+    if settings.clear:
+        console.result(f"  in clear air, too: {folder / 'clear'}, {summary.twins} images in fog")
     if settings.preview:
         console.result(f"  to look at: {folder / 'preview.png'}, {folder / 'statistics.png'}")

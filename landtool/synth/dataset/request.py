@@ -31,7 +31,7 @@ class DatasetRequest:
     """All that the bytes of a dataset depend on; picture i depends on everything but n and split.
 
     n: pictures. size: width and height, pixels. split: shares of train, val and, if there are three, test.
-    photos: backgrounds, with the digest of each.
+    photos: backgrounds, with the digest of each. clear: for each picture in fog the same in clear air, too.
 
     Raises UsageError for what cannot be made, InputError for a pad without a ring, with something printed over the
     ring, or whose tags do not fit on it.
@@ -44,6 +44,7 @@ class DatasetRequest:
     domain: Domain
     pad: PadSpec
     photos: tuple[HashedFile, ...] = ()
+    clear: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= self.n <= MOST_IMAGES:
@@ -92,6 +93,7 @@ class DatasetRequest:
             "domain": asdict(self.domain),
             "pad": asdict(self.pad),
             "backgrounds": [{"file": Path(photo.path).name, "sha256": photo.sha256} for photo in self.photos],
+            "clear": self.clear,
         }
 
     def as_text(self) -> str:

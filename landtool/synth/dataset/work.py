@@ -33,6 +33,7 @@ from landtool.synth.grounds import share_grounds
 from landtool.synth.sample import Sample
 
 _CHUNK = 8  # pictures a process is given at a time: small, as Ctrl-C waits for them
+CLEAR = "clear"  # folder of the twins in clear air
 _WAITING = 2  # chunks ready for each process
 
 
@@ -40,9 +41,17 @@ class Draw(Protocol):
     """Draws picture `index` of a seed; a function of a module, for it is sent to other processes by name."""
 
     def __call__(
-        self, domain: Domain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: tuple[Path, ...]
+        self,
+        domain: Domain,
+        pad: PadSpec,
+        size: tuple[int, int],
+        seed: int,
+        index: int,
+        photos: tuple[Path, ...],
+        *,
+        clear: bool = False,
     ) -> Sample:
-        """Return the picture and its truth; the same arguments give the same bytes."""
+        """Return the picture and its truth; the same arguments give the same bytes. clear: with its clear twin."""
         ...
 
 
@@ -59,15 +68,18 @@ class Work:
         """Return a picture's path relative to the dataset."""
         return f"images/{self.split_of[index]}/{self.request.stem(index)}.jpg"
 
+    def twin(self, index: int) -> str:
+        """Return the path of a picture's twin in clear air, relative to the dataset."""
+        return f"{CLEAR}/{self.split_of[index]}/{self.request.stem(index)}.jpg"
+
     def is_done(self, index: int) -> bool:
-        """Whether a picture is there as it was drawn."""
+        """Whether a picture, and its twin if it has one, is there as it was drawn."""
         try:
-            note = json.loads(self._note(index).read_bytes())
-            content = (self.place.whole / self.image(index)).read_bytes()
+            digests = json.loads(self._note(index).read_bytes())["sha256"]
+            # a machine that lost its power may have kept the names and lost the content
+            return all(self._digest(name) == digest for name, digest in digests.items())
         except (OSError, ValueError):
             return False
-        # a machine that lost its power may have kept the names and lost the content
-        return bool(note["sha256"] == hashlib.sha256(content).hexdigest())
 
     def row(self, index: int) -> TruthRow:
         """Return what is true of a picture that is done."""
@@ -77,13 +89,21 @@ class Work:
     def make(self, index: int) -> None:
         """Draw a picture and keep it, its note last: the note says that it is whole."""
         r = self.request
-        sample = self.draw(r.domain, r.pad, r.size, r.seed, index, r.photo_paths)
+        sample = self.draw(r.domain, r.pad, r.size, r.seed, index, r.photo_paths, clear=r.clear)
+        files = {self.image(index): sample.jpeg}
+        if sample.clear is not None:
+            files[self.twin(index)] = sample.clear
+            (self.place.whole / self.twin(index)).parent.mkdir(parents=True, exist_ok=True)
+        for name, content in files.items():
+            self._keep(self.place.whole / name, content)
         note = {
             "row": truth_row(self.image(index), self.split_of[index], sample.truth),
-            "sha256": hashlib.sha256(sample.jpeg).hexdigest(),
+            "sha256": {name: hashlib.sha256(content).hexdigest() for name, content in files.items()},
         }
-        self._keep(self.place.whole / self.image(index), sample.jpeg)
         self._keep(self._note(index), json.dumps(note).encode())
+
+    def _digest(self, name: str) -> str:
+        return hashlib.sha256((self.place.whole / name).read_bytes()).hexdigest()
 
     def _note(self, index: int) -> Path:
         return self.place.notes / f"{index}.json"

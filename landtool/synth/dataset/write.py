@@ -18,7 +18,7 @@ from landtool.io.run_record import sha256_of
 from landtool.io.tables import format_cell
 from landtool.synth.dataset.request import DatasetRequest
 from landtool.synth.dataset.rows import TRUTH_COLUMNS, boxes_of
-from landtool.synth.dataset.work import Draw, Work, draw_images
+from landtool.synth.dataset.work import CLEAR, Draw, Work, draw_images
 
 MANIFEST = "manifest.json"
 CLASS_NAMES = ("pad",)
@@ -28,13 +28,18 @@ SHEETS = ("preview.png", "statistics.png")
 
 @dataclass(frozen=True)
 class DatasetSummary:
-    """What was made. kept: pictures an earlier run had made; with_pad: pictures with a label; splits: their sizes."""
+    """What was made.
+
+    kept: pictures an earlier run had made. with_pad: pictures with a label. splits: their sizes. twins: pictures of
+    clear air that belong to those in fog.
+    """
 
     folder: Path
     images: int
     kept: int
     with_pad: int
     splits: dict[str, int]
+    twins: int = 0
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,8 @@ def write_dataset(
             _write_preview(place.whole)
         _write_manifest(work)
     splits = {name: sum(split == name for split in work.split_of) for name in request.splits}
-    return DatasetSummary(folder, request.n, request.n - len(left), with_pad, splits)
+    twins = sum(1 for _ in folder.glob(f"{CLEAR}/*/*.jpg"))
+    return DatasetSummary(folder, request.n, request.n - len(left), with_pad, splits, twins)
 
 
 def refuse_foreign_files(folder: Path) -> None:

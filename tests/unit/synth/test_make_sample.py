@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -143,3 +144,18 @@ def test_tag_corners_are_where_the_library_finds_them(count: int) -> None:
 def test_what_cannot_be_is_refused(changes: dict[str, object]) -> None:
     with pytest.raises(UsageError):
         replace(Domain(), **changes)  # type: ignore[arg-type]
+
+
+def test_a_picture_in_fog_has_a_clear_twin() -> None:
+    foggy = replace(CLEAN_DOMAIN, fog=1.0, visibility_m=(15.0, 30.0), height_m=(3.0, 5.0))
+    plain, both = (make_sample(foggy, PAD, SMALL, 4, 2, clear=clear) for clear in (False, True))
+    assert plain.clear is None
+    assert both.jpeg == plain.jpeg
+    assert both.clear is not None
+    twin = cv2.imdecode(np.frombuffer(both.clear, np.uint8), cv2.IMREAD_COLOR)
+    assert twin is not None
+    assert twin.shape == both.image.shape
+    # the same scene, with more contrast
+    assert np.corrcoef(twin.ravel(), both.image.ravel())[0, 1] > 0.9
+    assert twin.std() > 1.2 * both.image.std()
+    assert make_sample(replace(foggy, fog=0.0), PAD, SMALL, 4, 2, clear=True).clear is None

@@ -36,8 +36,10 @@ def draw(
     seed: int,
     index: int,
     photos: Photos,  # noqa: ARG001
+    *,
+    clear: bool = False,
 ) -> Sample:
-    """Draw noise with a white box in two of three pictures."""
+    """Draw noise with a white box in two of three pictures; those are in fog, their clear twins are white."""
     rng = np.random.default_rng([seed, index])
     width, height = size
     image = rng.integers(0, 120, (height, width, 3), np.uint8)
@@ -68,39 +70,40 @@ def draw(
         with Path(drawn).open("a") as file:
             file.write(f"{index}\n")
     _, jpeg = cv2.imencode(".jpg", image)
-    return Sample(jpeg.tobytes(), truth)
+    _, white = cv2.imencode(".jpg", np.full_like(image, 255))
+    return Sample(jpeg.tobytes(), truth, white.tobytes() if clear and present else None)
 
 
 def draw_until_trouble(
-    domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos
+    domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos, clear: bool = False
 ) -> Sample:
     """Draw, but be interrupted at one picture."""
     if index == domain.trouble_at:
         raise KeyboardInterrupt
-    return draw(domain, pad, size, seed, index, photos)
+    return draw(domain, pad, size, seed, index, photos, clear=clear)
 
 
 def draw_or_fail(
-    domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos
+    domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos, clear: bool = False
 ) -> Sample:
     """Draw, but fail at one picture with an error for the user."""
     if index == domain.trouble_at:
         raise InputError("is bad", file="photo.jpg", hint="remove it")
-    return draw(domain, pad, size, seed, index, photos)
+    return draw(domain, pad, size, seed, index, photos, clear=clear)
 
 
 def draw_and_die(
-    domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos
+    domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos, clear: bool = False
 ) -> Sample:
     """Draw, but be killed at one picture, as by a system without memory."""
     if index == domain.trouble_at:
         os.kill(os.getpid(), signal.SIGKILL)
-    return draw(domain, pad, size, seed, index, photos)
+    return draw(domain, pad, size, seed, index, photos, clear=clear)
 
 
 def draw_slowly(
-    domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos
+    domain: PlainDomain, pad: PadSpec, size: tuple[int, int], seed: int, index: int, photos: Photos, clear: bool = False
 ) -> Sample:
     """Draw so that a test has the time to stop it."""
     time.sleep(0.02)
-    return draw(domain, pad, size, seed, index, photos)
+    return draw(domain, pad, size, seed, index, photos, clear=clear)

@@ -117,6 +117,7 @@ def test_every_part_of_a_request_tells_two_apart() -> None:
         replace(REQUEST, domain=Domain(fog=0.5)),
         replace(REQUEST, pad=PadSpec(diameter_m=2.0)),
         replace(REQUEST, photos=(HashedFile("a.jpg", "00"),)),
+        replace(REQUEST, clear=True),
         REQUEST,
     ]
     assert len({request.as_text() for request in others}) == len(others)

@@ -135,6 +135,43 @@ class TestBytes:
         assert all(more[name] == data for name, data in mine.items())
 
 
+class TestTwins:
+    def test_pictures_in_fog_have_one_and_stay_as_they_are(self, dataset: Path, tmp_path: Path) -> None:
+        asked = replace(request(), clear=True)
+        summary = write_dataset(asked, tmp_path / "set", draw=plain.draw, preview=False)  # type: ignore[arg-type]
+        mine, made = content(dataset), content(tmp_path / "set")
+        foggy = {row["file"] for row in read_rows(dataset / "truth.csv", TRUTH_COLUMNS) if row["beta_per_m"]}
+        twins = {name.replace("images/", "clear/", 1) for name in map(str, foggy)}
+        assert 0 < len(twins) == summary.twins < N
+        assert made.keys() - mine.keys() == twins
+        assert all(made[name] == data for name, data in mine.items() if name != "manifest.json")
+        manifest = json.loads(made["manifest.json"])
+        assert manifest["clear"] is True
+        assert all(manifest["files"][name] == sha256_of(tmp_path / "set" / name) for name in twins)
+
+    def test_a_lost_one_is_drawn_again(self, tmp_path: Path) -> None:
+        asked = replace(request(domain=PlainDomain(trouble_at=9)), clear=True)
+        with pytest.raises(KeyboardInterrupt):
+            write(tmp_path / "set", asked, draw=plain.draw_until_trouble)  # type: ignore[arg-type]
+        (work,) = tmp_path.iterdir()
+        lost, cut = sorted(work.rglob("clear/*/*.jpg"))[:2]
+        lost.unlink()
+        cut.write_bytes(cut.read_bytes()[:100])
+        write(tmp_path / "set", asked)
+        write(tmp_path / "other", asked)
+        assert content(tmp_path / "set") == content(tmp_path / "other")
+
+    def test_without_fog_there_is_none(self, tmp_path: Path) -> None:
+        summary = write_dataset(replace(request(1), clear=True), tmp_path / "set", draw=plain.draw, preview=False)  # type: ignore[arg-type]
+        assert summary.twins == 0
+        assert not (tmp_path / "set/clear").exists()
+
+    def test_overwriting_knows_them_as_its_own(self, tmp_path: Path) -> None:
+        write(tmp_path / "set", replace(request(4), clear=True))
+        write_dataset(request(4), tmp_path / "set", overwrite=True, preview=False, draw=plain.draw)  # type: ignore[arg-type]
+        assert not (tmp_path / "set/clear").exists()
+
+
 class TestTrouble:
     def test_an_interrupted_run_goes_on(self, dataset: Path, tmp_path: Path) -> None:
         drawn = tmp_path / "drawn.txt"
