@@ -18,6 +18,8 @@ BOUNDS: dict[str, tuple[float, ...]] = {
     "fog_per_m": (0.0, 1e-6, 0.05, 0.1, 0.2, math.inf),
     "shadow": (0.0, 0.01, 0.5, math.inf),
     "blur_px": (0.0, 1.0, 2.0, 4.0, math.inf),
+    "visible": (0.0, 0.5, 0.99, math.inf),
+    "tag_px": (0.0, 14.0, 20.0, 30.0, 50.0, 100.0, math.inf),
 }
 
 
