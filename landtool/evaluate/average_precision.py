@@ -11,7 +11,7 @@ from faster_coco_eval import COCO, COCOeval_faster
 from landtool.evaluate.matching import MOST_BOXES, PictureBoxes
 from landtool.geometry import Array
 
-IOUS = tuple(round(0.5 + 0.05 * k, 2) for k in range(10))  # 0.50, 0.55 ... 0.95
+IOUS = tuple(float(v) for v in np.linspace(0.5, 0.95, 10))  # 0.50, 0.55 ... 0.95, to the bit as COCO has them
 
 
 def average_precision(pictures: Sequence[PictureBoxes], classes: int) -> Array:

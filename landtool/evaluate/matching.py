@@ -69,11 +69,16 @@ def iou(found: Array, truth: Array, crowd: Flags) -> Array:
 
     Over a crowd's box (crowd (M,)) the union is the detection alone: it may show any part of the crowd.
     """
-    low = np.maximum(found[:, None, :2], truth[None, :, :2])
-    high = np.minimum(found[:, None, 2:], truth[None, :, 2:])
-    shared = np.maximum(high - low, 0.0).prod(axis=2)
-    area, truth_area = _area(found)[:, None], _area(truth)[None, :]
-    union = np.where(crowd[None, :], area, area + truth_area - shared)
+    return paired_iou(found[:, None], truth[None], crowd[None])
+
+
+def paired_iou(found: Array, truth: Array, crowd: Flags) -> Array:
+    """Return the same of boxes (..., 4) and (..., 4) that stand at the same place, crowd (...); shapes broadcast."""
+    low = np.maximum(found[..., :2], truth[..., :2])
+    high = np.minimum(found[..., 2:], truth[..., 2:])
+    shared = np.maximum(high - low, 0.0).prod(axis=-1)
+    area = _area(found)
+    union = np.where(crowd, area, area + _area(truth) - shared)
     share: Array = np.divide(shared, union, out=np.zeros_like(shared), where=union > 0.0)
     return share
 
@@ -142,5 +147,5 @@ def _rank_in_class(classes: Ints) -> Ints:
 
 
 def _area(boxes: Array) -> Array:
-    area: Array = np.maximum(boxes[:, 2:] - boxes[:, :2], 0.0).prod(axis=1)
+    area: Array = np.maximum(boxes[..., 2:] - boxes[..., :2], 0.0).prod(axis=-1)
     return area
