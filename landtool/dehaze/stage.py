@@ -142,6 +142,11 @@ class DehazeStage:
         return self._strength > 0.0
 
 
+def dehazed(image: Image, config: DehazeConfig, *, when: Literal["auto", "on"] = "on") -> Dehazed:
+    """Return a picture (H, W, 3) BGR uint8 that is of no recording, dehazed by itself."""
+    return DehazeStage(config, when=when).see(Frame(0, None, image))
+
+
 def _recipe(config: DehazeConfig) -> Recipe:
     if config.recipe == "veil":
         return VeilRecipe(parse_tone(config.tone))
