@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import re
 import shutil
+import textwrap
+from collections.abc import Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
@@ -26,7 +29,32 @@ PAGES = sorted([ROOT / "README.md", *DOCS.glob("*.md")])
 # What the docs call a copy of a fixture
 COPIES = {"flight.mp4": "approach.mp4", "fog.mp4": "hover-fog.mp4", "camera.yaml": "approach.camera.yaml"}
 PICTURES = 6
+FENCE = re.compile(r"^( *)```([\w-]*) *([^\n]*)\n(.*?)^\1```$", re.MULTILINE | re.DOTALL)
 DAMAGE = slice(200_000, 200_400)
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block of a page. kind: the first word behind the fence; says: the rest of that line."""
+
+    kind: str
+    says: str
+    text: str
+
+
+def blocks(page: Path, kind: str | None = None) -> list[Block]:
+    """Return a page's fenced blocks in order, those in lists too; of one kind, or all."""
+    found = FENCE.findall(page.read_text(encoding="utf-8"))
+    made = [Block(name, says, textwrap.dedent(text)) for _, name, says, text in found]
+    return [block for block in made if kind in (None, block.kind)]
+
+
+def named_blocks(page: Path) -> Iterator[tuple[str, str]]:
+    """Yield the files a page shows: blocks whose first line is a comment that names them."""
+    for block in blocks(page):
+        name = re.match(r"# ([\w./-]+\.\w+)\b", block.text)
+        if name:
+            yield name[1], block.text
 
 
 @pytest.fixture(scope="session")
@@ -52,15 +80,11 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("left", "right"):
         _write_short_clip(folder / f"{name}.mp4", pictures)
     red_box(folder / "signs.onnx")
-    for name, text in _named_blocks().items():
-        (folder / name).write_text(text, encoding="utf-8")
+    for page in PAGES:
+        for name, text in named_blocks(page):
+            if name.endswith(".toml"):
+                (folder / name).write_text(text, encoding="utf-8")
     return folder
-
-
-def _named_blocks() -> dict[str, str]:
-    """Return the TOML files the pages show: blocks that begin with a comment that names them."""
-    texts = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
-    return {name: body for body, name in re.findall(r"```toml\n(# ([\w.]+\.toml).*?)```", texts, re.DOTALL)}
 
 
 def _first_pictures(clip: Path) -> list[Frame]:

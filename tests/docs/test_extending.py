@@ -14,7 +14,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from tests.docs.conftest import DOCS
+from tests.docs.conftest import DOCS, blocks
 from tests.docs.test_examples import examples
 from tests.shared import ROOT
 
@@ -24,19 +24,19 @@ LANDTOOL = "from landtool_cli.main import main; main()"
 CONTRACTS = ("jsonl", "timed-images", "edges")
 
 
-def blocks(kind: str) -> list[str]:
-    return re.findall(rf"^```{kind}\n(.*?)^```$", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+def texts(kind: str) -> list[str]:
+    return [block.text for block in blocks(PAGE, kind)]
 
 
 def new_files() -> dict[str, str]:
-    found = [re.fullmatch(r"# (\S+\.py)\n(.*)", block, re.DOTALL) for block in blocks("python")]
+    found = [re.fullmatch(r"# (\S+\.py)\n(.*)", block, re.DOTALL) for block in texts("python")]
     assert all(found)
     return {match[1]: match[2] for match in found if match}
 
 
 def changes() -> Iterator[tuple[str, str, str]]:
     """Yield each change: the file, the lines as they are, and as they become."""
-    for block in blocks("diff"):
+    for block in texts("diff"):
         for name, body in re.findall(r"^--- (\S+)\n(.*?)(?=^--- |\Z)", block, re.MULTILINE | re.DOTALL):
             for part in body.split("@@\n"):
                 lines = part.splitlines(keepends=True)
