@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -45,7 +44,7 @@ class Block:
 def blocks(page: Path, kind: str | None = None) -> list[Block]:
     """Return a page's fenced blocks in order, those in lists too; of one kind, or all."""
     found = FENCE.findall(page.read_text(encoding="utf-8"))
-    made = [Block(name, says, textwrap.dedent(text)) for _, name, says, text in found]
+    made = [Block(name, says, re.sub(f"^{indent}", "", text, flags=re.M)) for indent, name, says, text in found]
     return [block for block in made if kind in (None, block.kind)]
 
 
