@@ -12,8 +12,9 @@ from landtool.errors import UsageError
 from landtool.evaluate.dehazing import FogPair, find_pairs
 from landtool.io.coco import read_coco
 from landtool.io.images import RECORDING_SUFFIXES, SUFFIXES
-from landtool.io.labels import LabelledImage, YoloDataset, is_yolo_folder, read_yolo, read_yolo_folder
+from landtool.io.labels import LabelledImage, YoloDataset, read_yolo
 from landtool.io.run_record import sha256_of
+from landtool.io.yolo_folder import is_yolo_folder, read_yolo_folder
 
 Split = Literal["auto", "test", "val", "train", "all"]
 SPLITS: tuple[Split, ...] = get_args(Split)
@@ -161,6 +162,7 @@ def _yolo(name: str, dataset: YoloDataset, split: Split, notes: list[str]) -> St
         chosen = [given for given in filled if given == split]
         if not chosen:
             notes.append(f"{name}: has no split {split}, it has {', '.join(filled) or 'none'}")
+    notes += [f"{name}: {note}" for note in dataset.notes]
     folder = dataset.file if dataset.file.is_dir() else dataset.file.parent
     images = tuple(image for given in chosen for image in dataset.read(given))
     return Stills(name, folder, dataset.names, images, _if_there(folder / "truth.csv"), _if_there(folder / "pad.toml"))

@@ -42,7 +42,11 @@ def write_coco(path: Path, names: Sequence[str], images: Callable[[], Iterable[L
 
 
 def read_coco(path: Path, folder: Path | None = None) -> CocoDataset:
-    """Read COCO json; pictures lie in `folder`, by default that of the json.
+    """Read COCO json; pictures lie in `folder`.
+
+    By default it is the first that holds any of them: that of the json, the one above it, and in each `images`,
+    `images/<split>` and `<split>`, the split being the json's name or the last part of it, as of instances_val.json;
+    that of the json when none of them is anywhere.
 
     Raises UsageError when it cannot be opened, InputError naming the file and the line or entry that is wrong.
     """
@@ -55,7 +59,7 @@ def read_coco(path: Path, folder: Path | None = None) -> CocoDataset:
     except (UnicodeDecodeError, RecursionError) as error:
         raise InputError("no valid JSON", file=path, hint=_HINT) from error
     try:
-        return _dataset(path, data, folder or path.parent)
+        return _dataset(path, data, folder)
     except InputError as error:
         raise InputError(error.reason, file=path, hint=error.hint or _HINT) from error
 
@@ -87,7 +91,7 @@ def _annotations(images: Iterable[LabelledImage]) -> Iterator[dict[str, Any]]:
             }
 
 
-def _dataset(path: Path, data: Any, folder: Path) -> CocoDataset:
+def _dataset(path: Path, data: Any, folder: Path | None) -> CocoDataset:
     if not isinstance(data, Mapping):
         raise InputError("is no COCO dataset but a list" if isinstance(data, list) else "is no COCO dataset")
     categories = dict(sorted(_by_id(data, "categories").items()))
@@ -102,8 +106,18 @@ def _dataset(path: Path, data: Any, folder: Path) -> CocoDataset:
             raise InputError(f"{where} (id {key}): there is no category {category_id}")
         boxes[image_id].append(_box(item, class_of[category_id], where))
     names = tuple(_text(item, "name", where) for where, item in categories.values())
+    if folder is None:
+        folder = _picture_folder(path, [_text(item, "file_name", where) for where, item in images.values()])
     labelled = tuple(_labelled(folder, where, item, boxes[key]) for key, (where, item) in images.items())
     return CocoDataset(path, names, labelled)
+
+
+def _picture_folder(path: Path, files: Sequence[str]) -> Path:
+    """Return where the pictures of a json lie, as `read_coco` has it."""
+    splits = dict.fromkeys((path.stem, path.stem.rpartition("_")[2]))
+    inside = ["", "images", *(f"images/{split}" for split in splits), *splits]
+    folders = [base / name for base in (path.parent, path.parent.parent) for name in inside]
+    return next((folder for file in files for folder in folders if (folder / file).is_file()), path.parent)
 
 
 def _by_id(data: Mapping[str, Any], name: str) -> dict[int, tuple[str, Mapping[str, Any]]]:

@@ -50,13 +50,14 @@ class YoloDataset:
     """A dataset as its data.yaml tells it.
 
     names: by class id. splits: the pictures of each, in natural order of their names where a folder is named.
-    keypoints: numbers behind the box in a row of its labels, 0 where they have none.
+    keypoints: numbers behind the box in a row of its labels, 0 where they have none. notes: what was taken for granted.
     """
 
     file: Path
     names: tuple[str, ...]
     splits: Mapping[str, tuple[Path, ...]]
     keypoints: int = 0
+    notes: tuple[str, ...] = ()
 
     def read(self, split: str) -> Iterator[LabelledImage]:
         """Yield the pictures of a split with their boxes; a picture without a label file is a background.
@@ -67,7 +68,7 @@ class YoloDataset:
             raise UsageError(f"has no split '{split}'", file=self.file, hint=f"it has {', '.join(self.splits)}")
         for path in self.splits[split]:
             width, height = picture_size(path)
-            rows = _read_rows(label_path(path), len(self.names), self.keypoints)
+            rows = label_rows(label_path(path), len(self.names), self.keypoints)
             boxes = tuple(_in_pixels(class_id, edges, width, height) for class_id, edges in rows)
             yield LabelledImage(path, width, height, boxes)
 
@@ -103,6 +104,12 @@ def picture_size(path: Path) -> tuple[int, int]:
         raise InputError("does not exist", file=path, hint="the dataset names it") from None
     except (UnidentifiedImageError, OSError, ValueError) as error:
         raise InputError("is no image that can be read", file=path, hint="replace or remove it") from error
+
+
+def pictures_in(folder: Path) -> list[Path]:
+    """Return all pictures in and below a folder, in natural order of their names."""
+    inside = [path for path in folder.rglob("*") if path.suffix.lower() in SUFFIXES and path.is_file()]
+    return sorted(inside, key=lambda path: natural_key(path.relative_to(folder).as_posix()))
 
 
 def read_yolo(data_yaml: Path) -> YoloDataset:
@@ -163,8 +170,7 @@ def _pictures(root: Path, place: Any, split: str) -> tuple[Path, ...]:
     for item in place if isinstance(place, list) else [place]:
         path = root / str(item)
         if path.is_dir():
-            inside = [p for p in path.rglob("*") if p.suffix.lower() in SUFFIXES and p.is_file()]
-            found += sorted(inside, key=lambda p: natural_key(p.relative_to(path).as_posix()))
+            found += pictures_in(path)
         elif path.suffix == ".txt" and path.is_file():
             lines = path.read_text(encoding="utf-8-sig").splitlines()
             # relative to the list where they begin with a dot, as YOLO tools have it
@@ -174,8 +180,11 @@ def _pictures(root: Path, place: Any, split: str) -> tuple[Path, ...]:
     return tuple(found)
 
 
-def _read_rows(path: Path, classes: int, keypoints: int) -> list[tuple[int, tuple[float, float, float, float]]]:
-    """Return class and normalised edges x_min, y_min, x_max, y_max of every row."""
+def label_rows(path: Path, classes: int, keypoints: int = 0) -> list[tuple[int, tuple[float, float, float, float]]]:
+    """Return class and normalised edges x_min, y_min, x_max, y_max of every row; no file has no rows.
+
+    Raises InputError naming file and line for what is no row, or of another class than the first `classes`.
+    """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except FileNotFoundError:
