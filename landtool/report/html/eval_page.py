@@ -1,0 +1,210 @@
+"""The report of an evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from landtool.errors import LandtoolError
+from landtool.report.html.chart import draw
+from landtool.report.html.charts_eval import clip_charts, evaluation_charts
+from landtool.report.html.film import Budget, Film, VideoMode, stills
+from landtool.report.html.flight import Flight, read_flight
+from landtool.report.html.folders import Folder, clip_folders, read_run
+from landtool.report.html.judgement import judge_evaluation
+from landtool.report.html.page import Bar, Page, Section, Still, Table, flat, text_of
+from landtool.report.html.run_page import run_section
+from landtool.report.html.worst import Fault, Moment, worst
+from landtool.report.html.worst_eval import evaluation_faults
+
+_APART_S = 1.0  # between two of the worst frames of one clip
+_GATE_HEAD = ("number", "baseline", "now", "from", "to", "tolerance", "verdict")
+_LEVELS = {"worse": "bad", "gone": "bad", "better": "good"}
+_Clip = tuple[Section, Film | None, Flight | None]
+
+
+def evaluation_page(evaluation: Folder, output: Path, video: VideoMode) -> Page:
+    """Put together the report of an evaluation."""
+    record, tables = evaluation.record, evaluation.tables
+    clips = _clips(evaluation, output, video)
+    moments = worst(evaluation_faults(tables), _APART_S)
+    dataset = record["dataset"]
+    missing = list(evaluation.missing)
+    if not clips and any(part.get("kind") == "clip" for part in dataset.get("parts", [])):
+        missing.append("runs/ holds no run of the clips, so they have no timeline and no video")
+    return Page(
+        kind="Evaluation by landtool eval",
+        title=str(dataset.get("name") or evaluation.path.name),
+        judgement=judge_evaluation(record),
+        sections=tuple(section for section, _, _ in clips),
+        charts=tuple(draw(chart) for chart in evaluation_charts(record, tables)),
+        tables=(*_gate(record.get("gate")), *_metrics(record)),
+        slices=tuple(_slices(record)),
+        worst=tuple(_stills(moments, clips)),
+        worst_note="" if moments else "Nothing to show: no miss, no false alarm and no error in the tables.",
+        speed=_speed(record.get("speed") or []),
+        speed_head=("stage", "mean, ms a frame", "frames", "total, s"),
+        missing=tuple(missing),
+        notes=tuple(str(note) for note in record.get("notes") or []),
+        facts=_facts(record),
+    )
+
+
+def _clips(evaluation: Folder, output: Path, video: VideoMode) -> list[_Clip]:
+    budget = Budget()
+    found: list[_Clip] = []
+    for number, (name, path) in enumerate(clip_folders(evaluation.path)):
+        key = f"clip-{number}"
+        try:
+            run = read_run(path)
+        except LandtoolError as error:
+            found.append((Section(key, name, None, None, (), missing=(f"No run: {error.reason}.",)), None, None))
+            continue
+        flight = read_flight(run)
+        section, made = run_section(run, flight, key, name, output, video, budget)
+        model, clip = name.rsplit("/", 1) if "/" in name else ("", name)
+        start_ns = None if flight is None else next((t for t in flight.t_ns if t is not None), None)
+        against = tuple(draw(chart) for chart in clip_charts(evaluation.tables, clip, model, start_ns))
+        lines = tuple(str(line) for line in run.record["verdict"].get("lines") or ())
+        charts = (*against, *section.charts)
+        missing = (*section.missing, *run.missing)
+        found.append((Section(key, name, made, section.timeline, charts, lines, missing), made, flight))
+    return found
+
+
+def _stills(moments: Sequence[Moment], clips: Sequence[_Clip]) -> list[Still]:
+    """Return the worst frames; those of a clip whose video is there with their pictures, and a way to it."""
+    wanted: dict[int, list[tuple[int, int]]] = {}
+    places = [_in_clip(moment.fault, clips) for moment in moments]
+    for i, place in enumerate(places):
+        if place is not None:
+            wanted.setdefault(place[0], []).append((i, place[1]))
+    pictures: dict[int, str] = {}
+    for number, of in wanted.items():
+        made = clips[number][1]
+        if made is not None:
+            pictures |= dict(zip((i for i, _ in of), stills(made, [row for _, row in of]), strict=True))
+    shown = []
+    for i, (moment, place) in enumerate(zip(moments, places, strict=True)):
+        title = f"{moment.fault.place}, frame {moment.fault.frame}".removeprefix(", ")
+        if place is None:
+            shown.append(Still(title, moment.words))
+            continue
+        section, _, flight = clips[place[0]]
+        at = float(flight.at[place[1]]) if flight is not None else 0.0
+        shown.append(Still(title, moment.words, pictures.get(i, ""), section.key, at))
+    return shown
+
+
+def _in_clip(fault: Fault, clips: Sequence[_Clip]) -> tuple[int, int] | None:
+    """Return which clip a fault is in, and which row of its flight; None where no run of it is there."""
+    for number, (section, _, flight) in enumerate(clips):
+        names = (section.name, section.name.rsplit("/", 1)[-1])
+        if flight is not None and fault.place.strip() in names and fault.frame in flight.index:
+            return number, flight.index.index(fault.frame)
+    return None
+
+
+def _gate(gate: Mapping[str, Any] | None) -> list[Table]:
+    """Return what the gate compared, the worst first; nothing where there was none."""
+    if gate is None:
+        return []
+    order = ["worse", "gone", "better", "new", "noise", "same"]
+    rows = sorted(gate.get("rows", []), key=lambda row: order.index(row["verdict"]) if row["verdict"] in order else -1)
+    texts = tuple(
+        tuple(_rounded(row.get(name)) for name in ("key", "baseline", "value", "low", "high", "tolerance", "verdict"))
+        for row in rows
+    )
+    return [Table("Gate", _GATE_HEAD, texts, tuple(_LEVELS.get(str(row["verdict"]), "") for row in rows))]
+
+
+def _metrics(record: Mapping[str, Any]) -> list[Table]:
+    """Return the numbers about all of the data, a table a stage, a column a model."""
+    whole = [metric for metric in record["metrics"] if not metric["slice"]]
+    return [
+        Table(_title(stage), ("number", "better", *_models(of)), _by_name(of, "name")) for stage, of in _staged(whole)
+    ]
+
+
+def _slices(record: Mapping[str, Any]) -> list[Table]:
+    parts = [
+        metric | {"part": f"{metric['name']}, {metric['slice']}"} for metric in record["metrics"] if metric["slice"]
+    ]
+    return [
+        Table(f"{_title(stage)}, by slices", ("number", "better", *_models(of)), _by_name(of, "part"))
+        for stage, of in _staged(parts)
+    ]
+
+
+def _staged(metrics: Sequence[dict[str, Any]]) -> list[tuple[str, list[dict[str, Any]]]]:
+    stages = dict.fromkeys(str(metric["stage"]) for metric in metrics)
+    return [(stage, [metric for metric in metrics if metric["stage"] == stage]) for stage in stages]
+
+
+def _title(stage: str) -> str:
+    return stage.replace("_", " ").capitalize()
+
+
+def _models(metrics: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(str(metric["model"]) or "value" for metric in metrics))
+
+
+def _by_name(metrics: Sequence[Mapping[str, Any]], key: str) -> tuple[tuple[str, ...], ...]:
+    models = _models(metrics)
+    rows: dict[str, dict[str, str]] = {}
+    better: dict[str, str] = {}
+    for metric in metrics:
+        name = str(metric[key])
+        better[name] = _better(metric)
+        rows.setdefault(name, {})[str(metric["model"]) or "value"] = _said(metric)
+    return tuple((name, better[name], *(of.get(model, "") for model in models)) for name, of in rows.items())
+
+
+def _better(metric: Mapping[str, Any]) -> str:
+    if metric["better"] == "expected":
+        return f"near {_rounded(metric['expected'])}"
+    return "" if metric["better"] == "neither" else str(metric["better"])
+
+
+def _said(metric: Mapping[str, Any]) -> str:
+    made_of = f"{metric['count']} of {metric['of']}"
+    if metric["value"] is None:
+        return f"undefined, {made_of}"
+    if metric["low"] is None or metric["high"] is None:
+        return f"{_rounded(metric['value'])}, {made_of}"
+    return f"{_rounded(metric['value'])} ({_rounded(metric['low'])} to {_rounded(metric['high'])}), {made_of}"
+
+
+def _rounded(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else text_of(value)
+
+
+def _speed(rows: Sequence[Mapping[str, Any]]) -> tuple[Bar, ...]:
+    times = [(row, 1e3 * row["seconds"] / row["frames"] if row["frames"] else None) for row in rows]
+    slowest = max((ms for _, ms in times if ms is not None), default=0.0) or 1.0
+    return tuple(
+        Bar(
+            " ".join(filter(None, (str(row["stage"]), str(row["model"])))),
+            0.0 if ms is None else 100.0 * ms / slowest,
+            ("undefined, 0 of 0" if ms is None else f"{ms:.2f}", str(row["frames"]), f"{row['seconds']:.2f}"),
+        )
+        for row, ms in times
+    )
+
+
+def _facts(record: Mapping[str, Any]) -> tuple[Table, ...]:
+    dataset = record["dataset"]
+    parts = tuple(
+        (str(part.get("name")), str(part.get("kind")), str(part.get("frames"))) for part in dataset.get("parts", [])
+    )
+    models = tuple(
+        (str(model.get("name")), text_of(model.get("file")), text_of(model.get("sha256"))) for model in record["models"]
+    )
+    return (
+        Table("Models", ("name", "file", "SHA-256"), models),
+        Table("Data", ("part", "kind", "frames"), parts),
+        Table("Digest of the data", ("name", "SHA-256"), ((str(dataset.get("name")), text_of(dataset.get("digest"))),)),
+        Table("Settings", ("name", "value"), tuple(flat(record.get("config") or {}))),
+        Table("Versions", ("package", "version"), tuple((k, text_of(v)) for k, v in record["versions"].items())),
+    )

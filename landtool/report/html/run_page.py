@@ -1,0 +1,109 @@
+"""The report of one run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from landtool.report.html.chart import draw
+from landtool.report.html.charts_run import run_charts
+from landtool.report.html.film import Budget, Film, VideoMode, film, stills
+from landtool.report.html.flight import Flight, read_flight
+from landtool.report.html.folders import Folder
+from landtool.report.html.judgement import judge_run
+from landtool.report.html.page import Bar, Page, Section, Still, Table, flat, text_of
+from landtool.report.html.timeline import timeline
+from landtool.report.html.worst import Moment, worst
+from landtool.report.html.worst_run import run_faults
+
+_KEY = "run"
+# The worst frames are to tell of the whole flight: so many times they would fit in it
+_SPREAD = 30
+
+
+def run_page(run: Folder, output: Path, video: VideoMode) -> Page:
+    """Put together the report of a run."""
+    record = run.record
+    flight = read_flight(run)
+    section, made = run_section(run, flight, _KEY, _name(record), output, video, Budget())
+    pictures: tuple[Still, ...] = ()
+    note = "No frame can be shown: frames.csv is missing or has no row."
+    if flight is not None and made is not None:
+        moments = worst(run_faults(flight), spread(flight))
+        pictures = tuple(_stills(flight, made, moments))
+        note = "" if pictures else "Nothing went wrong that the tables tell of."
+    return Page(
+        kind="Run of landtool track",
+        title=_name(record),
+        judgement=judge_run(record),
+        sections=(section,),
+        worst=pictures,
+        worst_note=note,
+        speed=speed_bars(record["timings"]),
+        speed_head=("stage", "mean, ms a frame", "frames", "total, s"),
+        speed_note="Stages overlap: their sum is not the time the run took.",
+        missing=run.missing,
+        notes=tuple(str(note) for note in record["notes"]),
+        facts=_facts(record),
+    )
+
+
+def run_section(
+    run: Folder, flight: Flight | None, key: str, name: str, output: Path, video: VideoMode, budget: Budget
+) -> tuple[Section, Film | None]:
+    """Return video, timeline and charts of a run, and its film; what is missing is said in it."""
+    if flight is None:
+        return Section(key, name, None, None, (), missing=("No timeline: frames.csv is missing or has no row.",)), None
+    made = film(run.video, flight, output, video, budget)
+    charts = tuple(draw(chart) for chart in run_charts(flight))
+    missing = () if flight.has_clock else ("The recording has no clock: the timeline counts frames.",)
+    return Section(key, name, made, timeline(flight), charts, missing=missing), made
+
+
+def spread(flight: Flight) -> float:
+    """Return how far apart the worst frames are to be, in the unit of the flight's time."""
+    known = flight.at[np.isfinite(flight.at)]
+    return float(known.max() - known.min()) / _SPREAD if len(known) else 0.0
+
+
+def speed_bars(timings: Mapping[str, Any]) -> tuple[Bar, ...]:
+    """Return the time a frame of every stage, with its share of the slowest one's."""
+    slowest = max((float(of["mean_ms"]) for of in timings.values()), default=0.0) or 1.0
+    return tuple(
+        Bar(
+            stage,
+            100.0 * float(of["mean_ms"]) / slowest,
+            (f"{of['mean_ms']:.2f}", str(of["frames"]), f"{of['total_s']:.2f}"),
+        )
+        for stage, of in timings.items()
+    )
+
+
+def _stills(flight: Flight, made: Film, moments: list[Moment]) -> list[Still]:
+    pictures = stills(made, [moment.fault.frame for moment in moments])
+    shown = []
+    for moment, jpeg in zip(moments, pictures, strict=True):
+        i = moment.fault.frame
+        at = f"{moment.fault.at:.2f} s, " if flight.has_clock else ""
+        shown.append(Still(f"{at}frame {flight.index[i]}", moment.words, jpeg, _KEY, moment.fault.at))
+    return shown
+
+
+def _name(record: Mapping[str, Any]) -> str:
+    inputs = record["inputs"]
+    return Path(str(inputs[0]["path"])).name if inputs else "run"
+
+
+def _facts(record: Mapping[str, Any]) -> tuple[Table, ...]:
+    files = [*record["inputs"], *([record["model"]] if record.get("model") else [])]
+    verdict = {key: value for key, value in record["verdict"].items() if key != "lines"}
+    return (
+        Table("Inputs", ("file", "SHA-256"), tuple((str(f["path"]), str(f["sha256"])) for f in files)),
+        Table("Frames", ("of the input", "count"), tuple(flat(record["counts"]))),
+        Table("Verdict in numbers", ("name", "value"), tuple(flat(verdict))),
+        Table("Settings", ("name", "value"), tuple(flat(record["config"]))),
+        Table("Versions", ("package", "version"), tuple((k, text_of(v)) for k, v in record["versions"].items())),
+    )
