@@ -15,9 +15,9 @@ NOTABLE_S = 0.2  # a gap so long is felt by a controller that steers by the trac
 class ClipTrack:
     """What one clip's track did over time; None is not known for want of a clock.
 
-    confirm_s: from the first frame that shows any of the pad to the first confirmed track, None without one too. gaps_s:
-    how long each run of frames without one was, from the last frame before it to the first after it, or to the last that
-    shows the pad; where there never was one, all of the time that shows the pad.
+    confirm_s: from the first frame that shows any of the pad to the first confirmed track, None without one too.
+    gaps_s: how long each run of frames without one was, from the last frame before it to the first after it, or to the
+    last that shows the pad; where there never was one, all of the time that shows the pad.
     switches: how often the pad's track has another number than before.
     """
 
