@@ -29,7 +29,6 @@ html_theme = "furo"
 html_title = f"landtool {version}"
 html_show_sphinx = False
 html_copy_source = False
-pygments_style, pygments_dark_style = "sphinx", "github-dark"
 
 
 def setup(app: Sphinx) -> None:

@@ -354,6 +354,14 @@ def video_codecs() -> str:
     return " ".join(f"`{name}`" for name in VIDEO_CODECS)
 
 
+def bench_parts() -> str:
+    """List the parts of the benchmark with what they print."""
+    tree = ast.parse((ROOT / "bench" / "__main__.py").read_text(encoding="utf-8"))
+    value = next(n.value for n in tree.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "PARTS")
+    parts = ast.literal_eval(value).items()
+    return _table(("command", "what it prints"), ((f"`python -m bench {name}`", text) for name, (_, text) in parts))
+
+
 def _table(head: tuple[str, ...], rows: typing.Iterable[tuple[str, ...]]) -> str:
     lines = [head, tuple("---" for _ in head), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
@@ -375,6 +383,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "log messages": log_messages,
     "raw encodings": raw_encodings,
     "video codecs": video_codecs,
+    "bench parts": bench_parts,
 }
 
 
