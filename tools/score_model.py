@@ -25,7 +25,8 @@ from bench.detect_sets import PictureSet, own_fog_set, own_test_set, path_traced
 from landtool.detect.config import DetectorConfig
 from landtool.detect.detector import Detector
 from landtool.errors import LandtoolError, UsageError
-from landtool.evaluate.matching import NOBODY, PictureBoxes, iou, match, picture_boxes
+from landtool.evaluate.matching import NOBODY, PictureBoxes, iou, picture_boxes
+from landtool.evaluate.set_matching import match_set
 from landtool.geometry import Array
 from landtool.strokes import DARK, GREEN, VERMILLION, Color, Pen
 from landtool.synth.preview.sheet import contact_sheet, fitted
@@ -106,10 +107,10 @@ def missed(pictures: Sequence[PictureBoxes]) -> list[Case]:
     """Return the targets no box of CONF and more is on, the largest first."""
     cases = []
     for index, boxes in enumerate(pictures):
-        pairs = match(boxes, 0.5)
+        pairs = match_set([boxes], (0.5,))
         overlap = iou(boxes.found, boxes.truth, boxes.crowd)
         for k in np.flatnonzero(~boxes.crowd):
-            score = float(np.append(boxes.score, 0.0)[pairs.detection[k]])  # 0 for nobody, the last
+            score = float(np.append(boxes.score, 0.0)[pairs.detection[0, k]])  # 0 for nobody, the last
             if score < CONF:
                 side = float((boxes.truth[k, 2:] - boxes.truth[k, :2]).max())
                 near = float(overlap[boxes.score >= SHOWN_CONF, k].max(initial=0.0))
@@ -123,7 +124,7 @@ def alarms(pictures: Sequence[PictureBoxes]) -> list[Case]:
     cases = []
     for index, boxes in enumerate(pictures):
         overlap = iou(boxes.found, boxes.truth, boxes.crowd)
-        for k in np.flatnonzero((boxes.score >= ALARM_CONF) & (match(boxes, 0.5).target == NOBODY)):
+        for k in np.flatnonzero((boxes.score >= ALARM_CONF) & (match_set([boxes], (0.5,)).target[0] == NOBODY)):
             where = f"IoU {overlap[k].max():.2f}" if len(boxes.truth) else "no target there"
             text = f"false alarm {boxes.score[k]:.2f}, {where}"
             cases.append(Case(index, boxes.found[k], text, -float(boxes.score[k])))
@@ -134,10 +135,10 @@ def poor(pictures: Sequence[PictureBoxes]) -> list[Case]:
     """Return the targets found, those of the poorest boxes first."""
     cases = []
     for index, boxes in enumerate(pictures):
-        pairs = match(boxes, 0.5)
+        pairs = match_set([boxes], (0.5,))
         overlap = iou(boxes.found, boxes.truth, boxes.crowd)
-        for k in np.flatnonzero((boxes.score >= CONF) & (pairs.target != NOBODY) & ~pairs.ignored):
-            target = pairs.target[k]
+        for k in np.flatnonzero((boxes.score >= CONF) & (pairs.target[0] != NOBODY) & ~pairs.ignored[0]):
+            target = pairs.target[0, k]
             off = ", ".join(f"{v:+.1f}" for v in boxes.found[k] - boxes.truth[target])
             text = f"IoU {overlap[k, target]:.3f}, score {boxes.score[k]:.2f}, off by {off} px"
             cases.append(Case(index, boxes.truth[target], text, float(overlap[k, target])))

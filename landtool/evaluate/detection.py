@@ -12,7 +12,8 @@ import numpy as np
 
 from landtool.errors import UsageError
 from landtool.evaluate.average_precision import IOUS, average_precision
-from landtool.evaluate.matching import NOBODY, Matches, PictureBoxes, iou, match, picture_boxes
+from landtool.evaluate.matching import NOBODY, PictureBoxes, picture_boxes
+from landtool.evaluate.set_matching import SetMatches, match_set
 from landtool.geometry import Array
 from landtool.io.labels import LabelledImage
 from landtool.types import Detection
@@ -111,11 +112,12 @@ def score_detections(
     than those named, InputError for one that is not finite.
     """
     pictures = picture_boxes(truth, found, names)
-    matches = [match(boxes, FOUND_IOU) for boxes in pictures]
+    matches = match_set(pictures, (FOUND_IOU,))
     ap = average_precision(pictures, len(names))
     by_iou = tuple(_mean(row) for row in ap)
-    sizes = _sizes(pictures, matches, conf)
-    hits, wrong, overlaps = _at(pictures, matches, conf)
+    sizes = _sizes(matches, conf)
+    taken = (matches.score >= conf) & ~matches.ignored[0]
+    overlap = matches.pair_iou(0)[taken & (matches.target[0] != NOBODY)]
     targets = sum(size.targets for size in sizes)
     return DetectionScore(
         pictures=len(truth),
@@ -125,39 +127,32 @@ def score_detections(
         ap_by_iou=by_iou,
         ap50_by_class=tuple(_mean(value) for value in ap[0]),
         conf=conf,
-        precision=_share(hits, hits + wrong),
-        recall=_share(hits, targets),
-        mean_iou=_mean(np.array(overlaps)),
+        precision=_share(len(overlap), int(taken.sum())),
+        recall=_share(len(overlap), targets),
+        mean_iou=_mean(overlap),
         sizes=sizes,
         alarm_conf=alarm_conf,
         false_alarms=_false_alarms(truth, found, pictures, matches, alarm_conf),
-        curve=_curve(pictures, matches, targets),
+        curve=curve_of(matches),
     )
 
 
-def _at(pictures: Sequence[PictureBoxes], matches: Sequence[Matches], conf: float) -> tuple[int, int, list[float]]:
-    """Return the right and the wrong detections of at least `conf`, and the IoU of each right one."""
-    wrong = 0
-    overlaps: list[float] = []
-    for boxes, pairs in zip(pictures, matches, strict=True):
-        taken = boxes.score >= conf
-        right = np.flatnonzero(taken & (pairs.target != NOBODY) & ~pairs.ignored)
-        wrong += int(np.count_nonzero(taken & (pairs.target == NOBODY)))
-        if len(right):
-            both = iou(boxes.found[right], boxes.truth[pairs.target[right]], boxes.crowd[pairs.target[right]])
-            overlaps += [float(value) for value in np.diagonal(both)]
-    return len(overlaps), wrong, overlaps
+def curve_of(matches: SetMatches) -> PrecisionRecall:
+    """Return precision and recall at the first IoU of the matches, a point for every detection."""
+    targets = int((~matches.crowd).sum())
+    if not targets:
+        return PrecisionRecall(np.zeros(0), np.zeros(0), np.zeros(0))
+    counted = ~matches.ignored[0]
+    score, right = matches.score[counted], matches.target[0, counted] != NOBODY
+    order = np.argsort(-score, kind="stable")
+    hits = np.cumsum(right[order])
+    return PrecisionRecall(score[order], hits / np.arange(1, len(hits) + 1), hits / targets)
 
 
-def _sizes(pictures: Sequence[PictureBoxes], matches: Sequence[Matches], conf: float) -> tuple[SizeRecall, ...]:
-    sides, hits = [np.zeros(0)], [np.zeros(0, np.bool_)]
-    for boxes, pairs in zip(pictures, matches, strict=True):
-        real = ~boxes.crowd
-        sides.append((boxes.truth[:, 2:] - boxes.truth[:, :2]).max(axis=1)[real])
-        # the score of the detection that found it; of a miss nothing is asked
-        scores = np.append(boxes.score, -np.inf)[pairs.detection]
-        hits.append(scores[real] >= conf)
-    side, hit = np.concatenate(sides), np.concatenate(hits)
+def _sizes(matches: SetMatches, conf: float) -> tuple[SizeRecall, ...]:
+    real = ~matches.crowd
+    side = (matches.truth[:, 2:] - matches.truth[:, :2]).max(axis=1, initial=0.0)[real]
+    hit = matches.truth_score(0)[real] >= conf
     inside = [(low, high, (side >= low) & (side < high)) for low, high in pairwise(SIZES_PX)]
     return tuple(SizeRecall(low, high, int(hit[there].sum()), int(there.sum())) for low, high, there in inside)
 
@@ -166,28 +161,16 @@ def _false_alarms(
     truth: Sequence[LabelledImage],
     found: Sequence[Sequence[Detection]],
     pictures: Sequence[PictureBoxes],
-    matches: Sequence[Matches],
+    matches: SetMatches,
     conf: float,
 ) -> tuple[FalseAlarm, ...]:
+    first = np.searchsorted(matches.found_picture, np.arange(len(pictures)))
     alarms = []
-    for image, given, boxes, pairs in zip(truth, found, pictures, matches, strict=True):
-        for k in np.flatnonzero((boxes.score >= conf) & (pairs.target == NOBODY)):
-            same = boxes.truth_class == boxes.found_class[k]
-            overlap = iou(boxes.found[k : k + 1], boxes.truth[same], boxes.crowd[same])
-            alarm = FalseAlarm(image.path, given[boxes.order[k]], float(overlap.max(initial=0.0)), not image.boxes)
-            alarms.append(alarm)
+    for i in np.flatnonzero((matches.score >= conf) & (matches.target[0] == NOBODY)):
+        k = matches.found_picture[i]
+        detection = found[k][pictures[k].order[i - first[k]]]
+        alarms.append(FalseAlarm(truth[k].path, detection, float(matches.found_iou[i]), not truth[k].boxes))
     return tuple(sorted(alarms, key=lambda alarm: -alarm.detection.score))
-
-
-def _curve(pictures: Sequence[PictureBoxes], matches: Sequence[Matches], targets: int) -> PrecisionRecall:
-    empty = np.zeros(0)
-    if not targets:
-        return PrecisionRecall(empty, empty, empty)
-    score = np.concatenate([boxes.score[~pairs.ignored] for boxes, pairs in zip(pictures, matches, strict=True)])
-    right = np.concatenate([(pairs.target != NOBODY)[~pairs.ignored] for pairs in matches])
-    order = np.argsort(-score, kind="stable")
-    hits = np.cumsum(right[order])
-    return PrecisionRecall(score[order], hits / np.arange(1, len(hits) + 1), hits / targets)
 
 
 def _mean(values: Array) -> float | None:
@@ -211,5 +194,6 @@ __all__ = [
     "FalseAlarm",
     "PrecisionRecall",
     "SizeRecall",
+    "curve_of",
     "score_detections",
 ]

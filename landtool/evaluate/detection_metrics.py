@@ -11,7 +11,7 @@ import numpy as np
 
 from landtool.evaluate.average_precision import IOUS
 from landtool.evaluate.bootstrap import UNDEFINED, Estimate, Resamples
-from landtool.evaluate.detection import FOUND_IOU, PrecisionRecall
+from landtool.evaluate.detection import FOUND_IOU, PrecisionRecall, curve_of
 from landtool.evaluate.facts import Facts, parts
 from landtool.evaluate.matching import NOBODY, Flags, Ints, picture_boxes
 from landtool.evaluate.metric import Metric, metric
@@ -102,18 +102,6 @@ def matched(pictures: Sequence[ScoredPicture], names: Sequence[str], ious: Seque
     return match_set(picture_boxes([picture.image for picture in pictures], found, names), ious)
 
 
-def curve_of(matches: SetMatches) -> PrecisionRecall:
-    """Return precision and recall at the first IoU of the matches, a point for every detection."""
-    targets = int((~matches.crowd).sum())
-    if not targets:
-        return PrecisionRecall(np.zeros(0), np.zeros(0), np.zeros(0))
-    counted = ~matches.ignored[0]
-    score, right = matches.score[counted], matches.target[0, counted] != NOBODY
-    order = np.argsort(-score, kind="stable")
-    hits = np.cumsum(right[order])
-    return PrecisionRecall(score[order], hits / np.arange(1, len(hits) + 1), hits / targets)
-
-
 def thinned(curve: PrecisionRecall, most: int) -> PrecisionRecall:
     """Return up to `most` points of a curve, the ends among them, evenly spaced along it."""
     if len(curve.score) <= most:
@@ -137,8 +125,8 @@ class _Scores:
         # of the targets that count: which picture each is in, and the IoU and score of what found it
         self.real: Ints = np.flatnonzero(~self.matches.crowd)
         self.where: Ints = self.matches.truth_picture[self.real]
+        self.score: Array = self.matches.truth_score(self.level)[self.real]
         by = self.matches.detection[self.level, self.real]
-        self.score: Array = np.append(self.matches.score, -np.inf)[by]
         self.iou: Array = np.append(self.matches.pair_iou(self.level), np.nan)[by]
 
     def metrics(self, conf: float, alarm_conf: float) -> list[Metric]:

@@ -1,4 +1,4 @@
-"""Which detection found which target: greedy matching by score, as COCO defines it."""
+"""Targets and detections of a picture as arrays, and how much boxes overlap."""
 
 from __future__ import annotations
 
@@ -37,19 +37,6 @@ class PictureBoxes:
     order: Ints
 
 
-@dataclass(frozen=True, eq=False)
-class Matches:
-    """Who belongs to whom in one picture at one IoU.
-
-    target: (N,) the truth each detection found, -1 for none. ignored: (N,) detections of a crowd, which count neither
-    way. detection: (M,) the detection that found each target, -1 for a miss; of a crowd always -1.
-    """
-
-    target: Ints
-    ignored: Flags
-    detection: Ints
-
-
 def picture_boxes(
     truth: Sequence[LabelledImage], found: Sequence[Sequence[Detection]], names: Sequence[str]
 ) -> list[PictureBoxes]:
@@ -81,37 +68,6 @@ def paired_iou(found: Array, truth: Array, crowd: Flags) -> Array:
     union = np.where(crowd, area, area + _area(truth) - shared)
     share: Array = np.divide(shared, union, out=np.zeros_like(shared), where=union > 0.0)
     return share
-
-
-def match(boxes: PictureBoxes, least_iou: float) -> Matches:
-    """Return the matches of one picture: the highest score first, each detection takes the best target left.
-
-    Those of lower scores change nothing for the higher ones, so the matches hold for any least score.
-    """
-    target = np.full(len(boxes.found), NOBODY, np.int64)
-    ignored = np.zeros(len(boxes.found), np.bool_)
-    detection = np.full(len(boxes.truth), NOBODY, np.int64)
-    if not len(boxes.truth):
-        return Matches(target, ignored, detection)
-    overlap = iou(boxes.found, boxes.truth, boxes.crowd)
-    # as COCO has it: an IoU of 1 may come out as a little less
-    near = overlap >= min(least_iou, 1.0 - 1e-10)
-    near &= boxes.found_class[:, None] == boxes.truth_class[None, :]
-    for k in np.flatnonzero(near.any(axis=1)):
-        free = near[k] & (detection == NOBODY) & ~boxes.crowd
-        if free.any():
-            best = _last_best(overlap[k], free)
-            target[k], detection[best] = best, k
-        elif (near[k] & boxes.crowd).any():
-            target[k] = _last_best(overlap[k], near[k] & boxes.crowd)
-            ignored[k] = True
-    return Matches(target, ignored, detection)
-
-
-def _last_best(overlap: Array, allowed: Flags) -> int:
-    """Return the index of the largest overlap among those allowed; the last of equal ones, as COCO has it."""
-    values = np.where(allowed, overlap, -1.0)
-    return len(values) - 1 - int(np.argmax(values[::-1]))
 
 
 def _boxes_of(image: LabelledImage, found: Sequence[Detection], ids: dict[str, int]) -> PictureBoxes:

@@ -1,4 +1,4 @@
-"""Which detection found which target in a whole set of pictures, at several IoUs in one pass."""
+"""Which detection found which target: greedy matching by score, as COCO defines it, at several IoUs in one pass."""
 
 from __future__ import annotations
 
@@ -44,6 +44,11 @@ class SetMatches:
         target = self.target[level, right]
         values[right] = paired_iou(self.found[right], self.truth[target], self.crowd[target])
         return values
+
+    def truth_score(self, level: int) -> Array:
+        """Return the score (M,) of the detection that found each target at the IoU of that place, -inf for a miss."""
+        scores: Array = np.append(self.score, -np.inf)[self.detection[level]]
+        return scores
 
 
 @dataclass(frozen=True, eq=False)
