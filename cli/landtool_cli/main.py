@@ -24,12 +24,14 @@ from landtool_cli.groups import NamingGroup, help_if_alone
 # Every command: its module, imported when it is called, and its line in `landtool --help`
 COMMANDS = {
     "track": ("landtool_cli.commands.track", "Follow the pad through recordings: poses, track, prediction, video."),
+    "report": ("landtool_cli.commands.report", "Make one page of a run or an evaluation: verdict, video, charts."),
     "train": ("landtool_cli.commands.train", "Train the network that finds the pad from afar."),
     "detect": ("landtool_cli.commands.detect", "Find pad and tags in recordings: boxes in pixels, video."),
     "dehaze": ("landtool_cli.commands.dehaze", "Take the haze out of recordings; kind, size and timing stay."),
     "generate": ("landtool_cli.commands.generate", "Make images and clips with exact truth, to train and to test."),
     "export": ("landtool_cli.commands.export", "Write a trained network as ONNX or as darknet's weights."),
     "pad": ("landtool_cli.commands.pad", "Make the target for printing, at true scale."),
+    "calibrate": ("landtool_cli.commands.calibrate", "Measure a camera's lens from a recording of a board."),
     "info": ("landtool_cli.commands.info", "Tell what a recording, calibration or pad file holds."),
     "completion": ("landtool_cli.commands.completion", "Print the completion script of a shell."),
 }

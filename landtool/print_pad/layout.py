@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from landtool.errors import UsageError
@@ -13,10 +14,10 @@ PAGES = {"a4": (210.0, 297.0), "a3": (297.0, 420.0), "letter": (215.9, 279.4)}  
 OVERLAP_MM = 10.0
 MAX_SHEETS = 1000
 
-_BORDER_MM = 5.0  # what common printers leave white
+BORDER_MM = 5.0  # what common printers leave white
 _MARK_MM = 10.0  # room for the marks of a page that is to be cut
-_FOOTER_MM = 30.0
-_INDENT_MM = 10.0
+FOOTER_MM = 30.0
+INDENT_MM = 10.0
 _RULER_MM = 100
 _LINE_MM = 0.2
 _OVERVIEW_MM = 24.0
@@ -42,14 +43,14 @@ def lay_out(pad: PadSpec, page_mm: tuple[float, float], *, tiled: bool) -> Layou
     """
     width, height = page_mm
     side = pad.extent_m * 1000.0
-    fits = side <= width - 2 * _BORDER_MM and side <= height - 2 * _BORDER_MM - _FOOTER_MM
+    fits = side <= width - 2 * BORDER_MM and side <= height - 2 * BORDER_MM - FOOTER_MM
     if tiled and not fits:
         return _tiles(pad, side, page_mm)
     if not fits:
         width = max(side + 2 * _MARK_MM, _RULER_MM + 60.0)
-        height = side + 2 * _MARK_MM + _FOOTER_MM
+        height = side + 2 * _MARK_MM + FOOTER_MM
     # whatever room is left goes half above the target, half between it and the footer
-    above = (height - _FOOTER_MM - _BORDER_MM - side) / 2.0
+    above = (height - FOOTER_MM - BORDER_MM - side) / 2.0
     box = ((width - side) / 2.0, above, side, side)
     picture = place(pad.shapes(), (width / 2.0, above + side / 2.0), 1000.0)
     margin = (*_crop_marks(box), *_footer(pad, height, ()))
@@ -78,7 +79,7 @@ class _Grid:
 
 def _tiles(pad: PadSpec, side: float, page_mm: tuple[float, float]) -> Layout:
     width, height = page_mm
-    room = (width - 2 * _MARK_MM, height - 2 * _MARK_MM - _FOOTER_MM)
+    room = (width - 2 * _MARK_MM, height - 2 * _MARK_MM - FOOTER_MM)
     columns, rows = (max(1, math.ceil((side - OVERLAP_MM) / (across - OVERLAP_MM))) for across in room)
     if rows * columns > MAX_SHEETS:
         reason = f"a target {side / 1000:g} m wide needs {rows * columns} pages of {width:g} x {height:g} mm"
@@ -100,7 +101,7 @@ def _tile(pad: PadSpec, grid: _Grid, row: int, column: int, page_mm: tuple[float
         "Cut at the upper and left marks; lay over the upper and left neighbours, edge to their grey ticks.",
     )
     ticks = _join_ticks(window, below=row + 1 < grid.rows, right=column + 1 < grid.columns)
-    overview = _overview(pad, grid, (row, column), (width - _INDENT_MM - _OVERVIEW_MM, height - _FOOTER_MM))
+    overview = _overview(pad, grid, (row, column), (width - INDENT_MM - _OVERVIEW_MM, height - FOOTER_MM))
     margin = (*_crop_marks(window), *ticks, *_footer(pad, height, notes), *overview)
     return Sheet(width, height, place(pad.shapes(), centre, 1000.0), window, margin)
 
@@ -146,9 +147,14 @@ def _footer(pad: PadSpec, height: float, notes: tuple[str, ...]) -> list[Picture
         f"Print at 100 %, no scaling: the ruler must measure {_RULER_MM} mm.",
         *notes,
     ]
-    top = height - _FOOTER_MM
-    texts = [Text(_INDENT_MM, top + 11.3 + 3.3 * i, line, 2.8) for i, line in enumerate(lines)]
-    return [*_ruler(_INDENT_MM, top + 6.8), *texts]
+    return footer(lines, height, INDENT_MM)
+
+
+def footer(lines: Sequence[str], height: float, left: float) -> list[Picture | Text]:
+    """Return the check ruler, and lines of text under it, at the foot of a sheet `height` mm high."""
+    top = height - FOOTER_MM
+    texts = [Text(left, top + 11.3 + 3.3 * i, line, 2.8) for i, line in enumerate(lines)]
+    return [*_ruler(left, top + 6.8), *texts]
 
 
 def _ruler(left: float, base: float) -> list[Picture | Text]:

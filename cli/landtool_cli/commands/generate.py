@@ -18,10 +18,14 @@ from landtool.io.atomic import refuse_input_as_output
 from landtool.io.local import local_file
 from landtool.io.mcap_build import McapSchema
 from landtool.pad import PadSpec
+from landtool.synth.board_clip import BOUNDS as BOARD_BOUNDS
+from landtool.synth.board_clip import LENSES, BoardClipConfig, write_board_clip
+from landtool.synth.board_clip import side_files as board_files
 from landtool.synth.clips import BOUNDS, SCENARIOS, ClipConfig, side_files, write_clip
 from landtool.synth.dataset import DatasetRequest, DatasetSummary, Progress, write_dataset
 from landtool.synth.dataset.backgrounds import SCIKIT_IMAGE, find_backgrounds
 from landtool_cli import options
+from landtool_cli.boards import board_of, board_options
 from landtool_cli.console import Console, Counter, pass_console
 from landtool_cli.groups import NamingGroup, help_if_alone
 
@@ -177,6 +181,48 @@ def _track_command(output: Path, beside: Mapping[str, Path]) -> list[str]:
     clip = f"./{output}" if str(output).startswith("-") else str(output)
     camera = [] if output.suffix.lower() == ".mcap" else ["--camera", str(beside["camera.yaml"])]
     return ["landtool", "track", clip, *camera, "--pad", str(beside["pad.toml"]), "--ego", str(beside["ego.csv"])]
+
+
+@command.command("board")
+@options.output("The film, .mp4 or .mov; the true camera and the board are written beside it.", required=True)
+@board_options("The board's kind, or its TOML.  [default: charuco]")
+@click.option(
+    "--duration",
+    "duration_s",
+    type=options.FiniteRange(*BOARD_BOUNDS["duration_s"]),
+    metavar="S",
+    help="Seconds.  [default: 6]",
+)
+@click.option("--fps", type=frame_rate, metavar="F", help="Pictures a second.  [default: 10]")
+@click.option("--size", type=options.size_px, metavar="WxH", help="Size of the pictures, pixels.  [default: 640x480]")
+@click.option(
+    "--hfov",
+    "hfov_deg",
+    type=options.FiniteRange(*BOARD_BOUNDS["hfov_deg"]),
+    metavar="DEG",
+    help="Horizontal field of view, about.  [default: 65]",
+)
+@click.option("--lens", type=click.Choice(LENSES), help="The lens.  [default: plumb_bob]")
+@click.option("--seed", type=click.IntRange(min=0), metavar="S", help="Another seed, another film.  [default: 0]")
+@options.overwrite
+@pass_console
+def board(console: Console, /, output: Path, overwrite: bool, **flags: Any) -> None:
+    """Film a calibration board with a known camera, to try `landtool calibrate` without a printer.
+
+    Beside FILM.mp4 lie FILM.camera.yaml, the camera that `landtool calibrate` should find, and FILM.toml, the board.
+    """
+    filmed, read = board_of(flags)
+    refuse_input_as_output(read, output)
+    named = ("duration_s", "fps", "size", "hfov_deg", "lens", "seed")
+    config = BoardClipConfig(filmed, **{name: flags[name] for name in named if flags[name] is not None})
+    with console.counter(label=output.name) as counter:
+        camera = write_board_clip(config, output, overwrite=overwrite, report=counter.reach)
+    beside = board_files(output)
+    console.result(f"{output}: {config.frames} pictures of a {filmed.name}")
+    console.result(f"  truth: {beside['camera.yaml']}, fx {camera.fx:.2f}, cx {camera.cx:.2f}, cy {camera.cy:.2f} px")
+    film = f"./{output}" if str(output).startswith("-") else str(output)
+    call = ["landtool", "calibrate", film, "--board", str(beside["toml"]), "-o", "camera.yaml"]
+    console.result(f"  {shlex.join(call)}")
 
 
 @command.command("preview")

@@ -1,0 +1,178 @@
+"""What pictures show when they do not show the board that was said, and whether a board found is the one said."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from landtool.calibrate.board import BORDER_MODULES, DICTIONARIES, Board
+from landtool.calibrate.corners import (
+    Grey,
+    Markers,
+    find_chessboard,
+    fit_neighbours,
+    place_markers,
+    read_markers,
+    reduced,
+)
+from landtool.errors import UsageError
+
+_ENOUGH = 4  # markers that are no accident
+_MOST_COLUMNS = 24
+_RATIO = 0.05  # relative difference of sizes that is said
+_APRILTAG = cv2.aruco.DICT_APRILTAG_36h11
+
+
+def why_not_found(board: Board, pictures: Sequence[Grey]) -> str:
+    """Return what the pictures show instead of the board, or empty when they show nothing that is known."""
+    for look in (_other_size, _other_kind, _mirrored):
+        for grey in pictures:
+            said = look(board, grey)
+            if said:
+                return said
+    return ""
+
+
+def _other_size(board: Board, grey: Grey) -> str:
+    if board.kind == "chessboard":
+        size = chessboard_size(grey)
+        if size is None or sorted(size) == sorted((board.columns, board.rows)):
+            return ""
+        columns, rows = size
+        said = f"a chessboard of {columns}x{rows} squares is seen"
+        inner = sorted(size) == sorted((board.columns + 1, board.rows + 1))
+        return (
+            f"{said}; --squares counts squares, not inner corners"
+            if inner
+            else f"{said}; say --squares {columns}x{rows}"
+        )
+    markers = _all_markers(board, grey)
+    if len(markers.ids) < _ENOUGH:
+        return ""
+    other = fitting_board(board, markers)
+    if other is None:
+        return ""
+    if other.white_first != board.white_first and other.columns == board.columns:
+        return "the markers fit a board whose first square is white, as older OpenCV drew them; say --white-first"
+    return f"the markers fit a board {other.columns} wide; say --squares {other.size}"
+
+
+def chessboard_size(grey: Grey) -> tuple[int, int] | None:
+    """Return columns and rows of squares of the largest chessboard in a picture, None without one."""
+    small, _ = reduced(grey)
+    flags = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
+    found, _, meta = cv2.findChessboardCornersSBWithMeta(small, (3, 3), flags=flags)
+    if not found or meta is None:
+        return None
+    return int(meta.shape[1]) + 1, int(meta.shape[0]) + 1
+
+
+def _all_markers(board: Board, grey: Grey) -> Markers:
+    if board.kind == "aprilgrid":
+        return read_markers(grey, _APRILTAG, BORDER_MODULES)
+    return read_markers(grey, DICTIONARIES[board.dictionary], 1)
+
+
+def fitting_board(board: Board, markers: Markers) -> Board | None:
+    """Return the board of another size, or of the other first square, that markers lie on; None without one.
+
+    As many rows as the largest id needs.
+    """
+    best: tuple[int, Board] | None = None
+    firsts = (False, True) if board.kind == "charuco" else (False,)
+    for columns in range(3, _MOST_COLUMNS + 1):
+        for white_first in firsts:
+            per_row = columns if board.kind == "aprilgrid" else columns / 2.0
+            rows = max(3, int(np.ceil((int(markers.ids.max()) + 1) / per_row)))
+            try:
+                tried = replace(board, columns=columns, rows=rows, white_first=white_first)
+            except UsageError:
+                continue
+            placed = place_markers(tried, markers)
+            if placed is None:
+                continue
+            inside, _ = fit_neighbours(*placed)
+            count = int(inside.sum())
+            if count >= _ENOUGH and (best is None or count > best[0]):
+                best = count, tried
+    return best[1] if best is not None else None
+
+
+def _other_kind(board: Board, grey: Grey) -> str:
+    for bits, table in DICTIONARIES.items():
+        count = len(read_markers(grey, table, 1).ids)
+        if count >= _ENOUGH and not (board.kind == "charuco" and board.dictionary == bits):
+            if board.kind == "charuco":
+                return f"markers of {bits} bits are seen; say --dictionary {bits}"
+            return f"{count} ArUco markers of {bits} bits are seen; is it --board charuco?"
+    if board.kind != "aprilgrid" and (count := len(read_markers(grey, _APRILTAG, BORDER_MODULES).ids)) >= _ENOUGH:
+        return f"{count} tags of an AprilGrid are seen; is it --board aprilgrid?"
+    if (count := len(read_markers(grey, _APRILTAG, 1).ids)) >= _ENOUGH:
+        return f"{count} plain tag36h11 tags are seen, with one black module around them where an AprilGrid has two"
+    if board.kind != "chessboard" and (size := chessboard_size(grey)) is not None:
+        return f"a plain chessboard of {size[0]}x{size[1]} squares is seen; is it --board chessboard?"
+    return ""
+
+
+def _mirrored(board: Board, grey: Grey) -> str:
+    if board.kind == "chessboard":
+        return ""
+    flipped = np.ascontiguousarray(grey[:, ::-1])
+    return "the pictures are mirrored; record without" if len(_all_markers(board, flipped).ids) >= _ENOUGH else ""
+
+
+def what_differs(board: Board, pictures: Sequence[Grey]) -> list[str]:
+    """Return how the board in pictures that show it differs from what was said."""
+    if board.kind == "chessboard":
+        return _chessboard_differs(board, pictures)
+    largest, sides = -1, []
+    for grey in pictures:
+        markers = _all_markers(board, grey)
+        if not len(markers.ids):
+            continue
+        largest = max(largest, int(markers.ids.max()))
+        placed = place_markers(board, markers)
+        if placed is None or len(placed[0]) < _ENOUGH:
+            continue
+        corners, seen = placed
+        # the middles tell the plane whatever the side is
+        homography, _ = cv2.findHomography(seen.mean(axis=1), corners.mean(axis=1), 0)
+        if homography is None:
+            continue
+        there = cv2.perspectiveTransform(seen.reshape(1, -1, 2), homography).reshape(-1, 4, 2)
+        # a marker's outline is found on its outermost black pixels: a pixel too small
+        outline = np.linalg.norm(seen - np.roll(seen, 1, axis=1), axis=2)
+        edges = np.linalg.norm(there - np.roll(there, 1, axis=1), axis=2) * (1.0 + 1.0 / outline)
+        sides.append(float(np.median(edges)) / board.pitch_m)
+    said = []
+    if largest >= board.markers:
+        said.append(f"a marker {largest} is seen, a board of {board.size} ends at {board.markers - 1}; check --squares")
+    said += _side_differs(board, float(np.median(sides))) if sides else []
+    return said
+
+
+def _side_differs(board: Board, side: float) -> list[str]:
+    """Compare the markers' side over their pitch with what was said."""
+    if board.kind == "charuco":
+        if abs(side / (board.marker_m / board.square_m) - 1.0) < _RATIO:
+            return []
+        mm = side * board.square_m
+        return [
+            f"markers are {side:.2f} of a square, {board.marker_m / board.square_m:.2f} was said; say --marker {mm:.4g}"
+        ]
+    if abs(side * (1.0 + board.spacing) - 1.0) < _RATIO:
+        return []
+    return [f"the gaps are {1.0 / side - 1.0:.2f} of a tag, {board.spacing:.2f} was said; check --spacing"]
+
+
+def _chessboard_differs(board: Board, pictures: Sequence[Grey]) -> list[str]:
+    for grey in pictures:
+        size = chessboard_size(grey)
+        if size is not None and find_chessboard(grey, *size) is not None and min(size) >= 3:
+            wanted = sorted((board.columns, board.rows))
+            if any(a > b for a, b in zip(sorted(size), wanted, strict=True)):
+                return [f"the chessboard seen has {size[0]}x{size[1]} squares, {board.size} was said; check --squares"]
+    return []

@@ -1,0 +1,308 @@
+"""The camera from views of a board: least squares over its lens and all poses, with uncertainties.
+
+Minimise sum_i rho(r_i / s_i), r_i = u_i - pi(K, d, R_v X_i + t_v), over the intrinsics a and the poses b_v, by
+Levenberg and Marquardt's steps. The normal equations
+
+    [ A  E ] [da]   [ga]        A = sum J_a' W J_a,   B_v = J_v' W J_v,   E_v = J_a' W J_v
+    [ E' B ] [db] = [gb]
+
+fall apart into (A - sum E_v B_v^-1 E_v') da = ga - sum E_v B_v^-1 g_v, the Schur complement, whose inverse times the
+residuals' variance is the covariance of the intrinsics (Triggs et al., Bundle Adjustment, 2000; Zhang, 2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from landtool.calibrate.board import Board
+from landtool.calibrate.corners import BoardView
+from landtool.camera import COEFFICIENTS, Camera, DistortionModel
+from landtool.errors import InputError
+from landtool.geometry import Array, Pose, rotation_from_rotvec
+
+LEAST_VIEWS = 3
+_FLOOR_PX = 0.03  # no model of a lens and no print is better than this
+_ROUNDS = 40
+_STOP = 1e-9
+_TUKEY = 4.685
+_HFOVS_DEG = (20.0, 35.0, 50.0, 65.0, 80.0, 95.0, 110.0, 130.0)
+_DETERMINED = 3.0  # standard deviations a coefficient must be from zero to be kept
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """A calibrated camera.
+
+    poses: camera_T_board of each view. covariance: (4 + n, 4 + n) of fx, fy, cx, cy and the coefficients; rows of
+    those held at 0 are 0. free: which of them were solved for. residuals_px: (N, 2) a view, measured minus modelled.
+    weights: (N,) a view, in [0, 1]; 0 takes no part. scale: standard deviation of residuals over what was expected.
+    """
+
+    camera: Camera
+    poses: tuple[Pose, ...]
+    covariance: Array
+    free: NDArray[np.bool_]
+    residuals_px: tuple[Array, ...]
+    weights: tuple[Array, ...]
+    scale: float
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square distance of the corners that take part, pixels."""
+        squares, count = 0.0, 0.0
+        for residual, weight in zip(self.residuals_px, self.weights, strict=True):
+            squares += float((residual[weight > 0] ** 2).sum())
+            count += float((weight > 0).sum())
+        return float(np.sqrt(squares / max(count, 1.0)))
+
+    @property
+    def view_rms_px(self) -> Array:
+        """Root mean square distance (V,) over all corners of each view, pixels."""
+        return np.array([np.sqrt((r**2).sum(axis=1).mean()) for r in self.residuals_px])
+
+    @property
+    def sigmas(self) -> Array:
+        """Standard deviations (4 + n,) of fx, fy, cx, cy and the coefficients."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+def solve(
+    board: Board, views: Sequence[BoardView], size: tuple[int, int], model: DistortionModel, start: Camera | None = None
+) -> Solution:
+    """Calibrate a camera of pictures of `size` (width, height) from views of a board.
+
+    Coefficients the data does not determine are held at 0. start: a camera to begin with.
+    Raises InputError for fewer than LEAST_VIEWS, and when nothing fits.
+    """
+    if len(views) < LEAST_VIEWS:
+        plural = "view" if len(views) == 1 else "views"
+        hint = "film the whole board from more sides, slowly and sharp"
+        raise InputError(f"{len(views)} {plural} of the board, {LEAST_VIEWS} are needed", hint=hint)
+    camera = start if start is not None and start.model == model else _first_camera(board, views, size, model)
+    free = np.ones(4 + COEFFICIENTS[model], np.bool_)
+    solution = _Problem(board, views, free).run(camera)
+    for coefficient in _dispensable(model):
+        value = solution.camera.distortion[coefficient]
+        if abs(value) >= _DETERMINED * solution.sigmas[4 + coefficient]:
+            break  # what stands before it is wanted, too
+        free[4 + coefficient] = False
+        kept = tuple(0.0 if i == coefficient else v for i, v in enumerate(solution.camera.distortion))
+        solution = _Problem(board, views, free).run(_with(solution.camera, solution.camera, kept))
+    return solution
+
+
+def _dispensable(model: DistortionModel) -> tuple[int, ...]:
+    """The coefficients that may be left out, the first one first."""
+    return {"plumb_bob": (4, 1), "rational_polynomial": (7, 6), "equidistant": (3, 2)}[model]
+
+
+def _with(like: Camera, values: Camera, distortion: tuple[float, ...]) -> Camera:
+    return Camera(like.width, like.height, values.fx, values.fy, values.cx, values.cy, like.model, distortion)
+
+
+def _first_camera(board: Board, views: Sequence[BoardView], size: tuple[int, int], model: DistortionModel) -> Camera:
+    """Try fields of view without distortion, and keep the one with which the boards are nearest to planes."""
+    width, height = size
+    centre = (width - 1) / 2.0, (height - 1) / 2.0
+    some = list(views)[:: max(1, len(views) // 12)]
+    best: tuple[float, Camera] | None = None
+    zeros = (0.0,) * COEFFICIENTS[model]
+    for hfov in np.radians(_HFOVS_DEG):
+        f = width / hfov if model == "equidistant" else width / 2.0 / np.tan(hfov / 2.0)
+        camera = Camera(width, height, f, f, *centre, model, zeros)
+        errors = [_view_error(board, view, camera) for view in some]
+        error = float(np.median(errors))
+        if np.isfinite(error) and (best is None or error < best[0]):
+            best = error, camera
+    if best is None:
+        raise InputError("the corners lie as no board's picture does", hint="check --board and --squares")
+    return best[1]
+
+
+def _view_error(board: Board, view: BoardView, camera: Camera) -> float:
+    pose = first_pose(board, view, camera)
+    if pose is None:
+        return np.inf
+    apart = camera.project(pose.apply(board.points_m[view.ids])) - view.pixels
+    error = np.sqrt((apart**2).sum(axis=1).mean())
+    return float(error) if np.isfinite(error) else np.inf
+
+
+def first_pose(board: Board, view: BoardView, camera: Camera) -> Pose | None:
+    """Return camera_T_board from the corners alone; None where they have none."""
+    flat = camera.normalize(view.pixels)
+    held = np.isfinite(flat).all(axis=1)
+    if held.sum() < 4:
+        return None
+    points = board.points_m[view.ids[held]]
+    middle = points.mean(axis=0)
+    try:
+        found, turns, places, _ = cv2.solvePnPGeneric(
+            points - middle, flat[held], np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_IPPE
+        )
+    except cv2.error:
+        return None
+    if not found or not (np.isfinite(turns[0]).all() and np.isfinite(places[0]).all()) or places[0][2, 0] <= 0:
+        return None
+    rotation = rotation_from_rotvec(turns[0].reshape(3))
+    return Pose(rotation, places[0].reshape(3) - rotation @ middle)
+
+
+def _floats(*arrays: Any) -> tuple[Array, Array, Array]:
+    one, two, three = (np.asarray(array, np.float64) for array in arrays)
+    return one, two, three
+
+
+class _Problem:
+    """One least squares fit. Unknowns: the free ones of fx fy cx cy d..., and a rotation vector and place a view."""
+
+    def __init__(self, board: Board, views: Sequence[BoardView], free: NDArray[np.bool_]) -> None:
+        self.points = [np.ascontiguousarray(board.points_m[view.ids]) for view in views]
+        self.seen = [view.pixels for view in views]
+        self.sigma = [np.hypot(view.sigma_px, _FLOOR_PX) for view in views]
+        self.board, self.views = board, views
+        self.free = free.copy()
+
+    def run(self, camera: Camera) -> Solution:
+        self.like = camera
+        a = np.array([camera.fx, camera.fy, camera.cx, camera.cy, *camera.distortion])
+        poses = [first_pose(self.board, view, camera) for view in self.views]
+        if any(pose is None for pose in poses):
+            poses = [pose or Pose(np.eye(3), np.array([0.0, 0.0, 10.0 * self.board.square_m])) for pose in poses]
+        b = np.array([[*pose.rotvec, *pose.translation] for pose in poses if pose is not None])
+        spread = None
+        damping = 1e-3
+        for robust in (False, True):
+            if robust:
+                spread = self._spread(a, b)
+            cost = self._cost(a, b, spread)
+            for _ in range(_ROUNDS):
+                step_a, step_b, _ = self._step(a, b, spread, damping)
+                tried = self._cost(a + step_a, b + step_b, spread)
+                if np.isfinite(tried) and tried <= cost:
+                    gain = (cost - tried) / max(cost, 1e-12)
+                    a, b, cost = a + step_a, b + step_b, tried
+                    damping = max(damping / 5.0, 1e-12)
+                    if gain < _STOP:
+                        break
+                else:
+                    damping *= 10.0
+                    if damping > 1e8:
+                        break
+        return self._outcome(a, b, spread if spread is not None else 1.0)
+
+    def _project(self, a: Array, pose: Array, points: Array) -> tuple[Array, Array, Array]:
+        """Return pixels (N, 2) and their derivatives by all intrinsics (2N, 4 + n) and by the pose (2N, 6)."""
+        matrix = np.array([[a[0], 0.0, a[2]], [0.0, a[1], a[3]], [0.0, 0.0, 1.0]])
+        turn, place = pose[:3].copy(), pose[3:].copy()
+        if self.like.model == "equidistant":
+            pixels, j = cv2.fisheye.projectPoints(points[:, None], turn, place, matrix, a[4:].copy())
+            # OpenCV's order: f, c, k, rotation, translation, skew
+            return _floats(pixels.reshape(-1, 2), j[:, :8], j[:, 8:14])
+        pixels, j = cv2.projectPoints(points, turn, place, matrix, a[4:].copy())
+        return _floats(pixels.reshape(-1, 2), j[:, 6 : 6 + len(a)], j[:, :6])
+
+    def _weights(self, residual: Array, sigma: Array, spread: float | None) -> Array:
+        """Weights (N,) of corners: 1 at first, then Tukey's."""
+        if spread is None:
+            return np.ones(len(residual))
+        # of two numbers a corner, so that the distance is a Rayleigh's
+        z = np.linalg.norm(residual, axis=1) / (sigma * spread * _TUKEY * 1.2)
+        weight: Array = np.where(z < 1.0, (1.0 - z * z) ** 2, 0.0)
+        return weight
+
+    def _spread(self, a: Array, b: Array) -> float:
+        """How much larger residuals are than expected, from their median."""
+        parts = []
+        for pose, points, seen, sigma in zip(b, self.points, self.seen, self.sigma, strict=True):
+            parts.append(np.linalg.norm(seen - self._project(a, pose, points)[0], axis=1) / sigma)
+        # the median of a Rayleigh's variable is 1.1774
+        return max(float(np.median(np.concatenate(parts))) / 1.1774, 1e-3)
+
+    def _cost(self, a: Array, b: Array, spread: float | None) -> float:
+        total = 0.0
+        for pose, points, seen, sigma in zip(b, self.points, self.seen, self.sigma, strict=True):
+            if a[0] <= 0 or a[1] <= 0 or pose[5] <= 0:
+                return np.inf
+            residual = seen - self._project(a, pose, points)[0]
+            squares = (residual**2).sum(axis=1) / sigma**2
+            if spread is not None:
+                # Tukey: c^2 / 3 (1 - (1 - z^2)^3), scaled to fit the squares near 0
+                c2 = (spread * _TUKEY * 1.2) ** 2
+                squares = c2 / 3.0 * (1.0 - np.maximum(1.0 - squares / c2, 0.0) ** 3)
+            total += float(squares.sum())
+        return total
+
+    def _step(self, a: Array, b: Array, spread: float | None, damping: float) -> tuple[Array, Array, Array]:
+        """Return the steps of the intrinsics and the poses, and the Schur complement of the free intrinsics."""
+        free = self.free
+        n = int(free.sum())
+        A, ga = np.zeros((n, n)), np.zeros(n)
+        reduced, gradient = np.zeros((n, n)), np.zeros(n)
+        back = []
+        for pose, points, seen, sigma in zip(b, self.points, self.seen, self.sigma, strict=True):
+            pixels, by_a, by_b = self._project(a, pose, points)
+            residual = seen - pixels
+            weight = np.repeat(self._weights(residual, sigma, spread) / sigma**2, 2)
+            ja = by_a[:, free]
+            wa, wb = ja * weight[:, None], by_b * weight[:, None]
+            A += wa.T @ ja
+            ga += wa.T @ residual.ravel()
+            B = wb.T @ by_b
+            B[np.diag_indices(6)] *= 1.0 + damping
+            B[np.diag_indices(6)] += 1e-12
+            E = wa.T @ by_b
+            g = wb.T @ residual.ravel()
+            solved = np.linalg.solve(B, np.column_stack([E.T, g]))
+            reduced += E @ solved[:, :-1]
+            gradient += E @ solved[:, -1]
+            back.append(solved)
+        A[np.diag_indices(n)] *= 1.0 + damping
+        schur = A - reduced
+        d = 1.0 / np.sqrt(np.maximum(np.diag(schur), 1e-300))
+        scaled = schur * np.outer(d, d)
+        try:
+            step = d * np.linalg.solve(scaled, d * (ga - gradient))
+        except np.linalg.LinAlgError:
+            step = np.zeros(n)
+        step_a = np.zeros(len(a))
+        step_a[free] = step
+        step_b = np.array([solved[:, -1] - solved[:, :-1] @ step for solved in back])
+        return step_a, step_b, schur
+
+    def _outcome(self, a: Array, b: Array, spread: float) -> Solution:
+        residuals, weights = [], []
+        squares, count = 0.0, 0.0
+        for pose, points, seen, sigma in zip(b, self.points, self.seen, self.sigma, strict=True):
+            residual = seen - self._project(a, pose, points)[0]
+            weight = self._weights(residual, sigma, spread)
+            squares += float((weight * (residual**2).sum(axis=1) / sigma**2).sum())
+            count += 2.0 * float(weight.sum())
+            residuals.append(residual)
+            weights.append(weight)
+        unknowns = int(self.free.sum()) + 6 * len(b)
+        variance = squares / max(count - unknowns, 1.0)
+        _, _, schur = self._step(a, b, spread, 0.0)
+        covariance = np.zeros((len(a), len(a)))
+        d = 1.0 / np.sqrt(np.maximum(np.diag(schur), 1e-300))
+        try:
+            inverse = np.linalg.inv(schur * np.outer(d, d)) * np.outer(d, d)
+        except np.linalg.LinAlgError:
+            inverse = np.full(schur.shape, np.nan)
+        covariance[np.ix_(self.free, self.free)] = inverse * variance
+        if not np.isfinite(covariance).all() or (np.diag(covariance) < 0).any():
+            hint = "film the board tilted, and at different distances"
+            raise InputError("the views do not determine the camera", hint=hint)
+        like = self.like
+        fx, fy, cx, cy, *distortion = a.tolist()
+        camera = Camera(like.width, like.height, fx, fy, cx, cy, like.model, tuple(distortion))
+        poses = tuple(Pose(rotation_from_rotvec(pose[:3]), pose[3:].copy()) for pose in b)
+        return Solution(
+            camera, poses, covariance, self.free.copy(), tuple(residuals), tuple(weights), float(np.sqrt(variance))
+        )
