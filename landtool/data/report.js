@@ -51,8 +51,7 @@
       for (const plot of plots) {
         const cursor = plot.querySelector(".cursor"), low = +plot.dataset.start, high = +plot.dataset.end;
         if (!cursor) continue;
-        const [, x0] = /M(\S+)/.exec(cursor.getAttribute("d"));
-        const width = plot.querySelector("svg").viewBox.baseVal.width - 12 - x0;
+        const width = plot.dataset.right - plot.dataset.left;
         const x = Math.min(Math.max((at - low) / (high - low), 0), 1) * width;
         cursor.setAttribute("transform", "translate(" + x.toFixed(1) + " 0)");
         cursor.setAttribute("visibility", "visible");
@@ -104,7 +103,7 @@
     for (const plot of plots) {
       plot.addEventListener("click", (event) => {
         const svg = plot.querySelector("svg"), box = svg.getBoundingClientRect(), scale = box.width / svg.viewBox.baseVal.width;
-        const inner = { left: box.left + 48 * scale, width: box.width - 60 * scale };
+        const inner = { left: box.left + plot.dataset.left * scale, width: (plot.dataset.right - plot.dataset.left) * scale };
         seekTo(+plot.dataset.start + place(event, inner) * (plot.dataset.end - plot.dataset.start));
       });
     }

@@ -71,4 +71,4 @@ def _log_ticks(low: float, high: float, about: int) -> list[float]:
         found = [10.0**p * m for p in powers for m in marks if low <= 10.0**p * m <= high]
         if len(found) >= min(3, about):
             return found
-    return found if len(found) > 1 else _ticks(low, high, about)
+    return _ticks(low, high, about)

@@ -14,8 +14,8 @@ from landtool.geometry import Array
 from landtool.report.html.axis import Axis, span, tick_text
 from landtool.report.html.thin import MOST_POINTS, thinned
 
-WIDTH, _HEIGHT, _SQUARE = 420, 236, 330
-_LEFT, _RIGHT, _TOP, _BOTTOM = 48, 12, 24, 36
+WIDTH, _HEIGHT, _SQUARE = 380, 226, 310
+_LEFT, _RIGHT, _TOP, _BOTTOM = 46, 10, 24, 36
 _TABLE_ROWS = 24  # a table behind a chart is to be read; the whole is in the CSV files
 Look = Literal["a", "b", "c", "d", "e", "f"]
 Kind = Literal["line", "dots", "marked", "band"]
@@ -62,7 +62,10 @@ class Chart:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A chart for the template. svg: None where there was nothing to draw. table: head and rows of texts."""
+    """A chart for the template. svg: None where there was nothing to draw. head, rows: the numbers behind it, as texts.
+
+    start, end: what its x axis begins and ends with, at left and right in the picture.
+    """
 
     title: str
     note: str
@@ -75,6 +78,8 @@ class Drawn:
     start: float = 0.0
     end: float = 0.0
     timed: bool = False
+    left: int = _LEFT
+    right: int = WIDTH - _RIGHT
 
 
 def draw(chart: Chart) -> Drawn:

@@ -12,6 +12,7 @@ from landtool.report.html.flight import Flight
 
 _METHODS: tuple[tuple[str, Look], ...] = (("box", "c"), ("target", "b"), ("tag", "a"))
 _LOG_RATIO = 4.0  # a distance that shrinks by more than this is legible on a logarithmic axis only
+_LOG_BAND = 30.0  # so are errors that differ by more than this
 _BINS = 10
 
 
@@ -146,7 +147,7 @@ def _claimed(flight: Flight) -> Chart:
         "1 sigma of the place, m",
         flight.distance_m,
         flight.sigma_m,
-        note="The run has no truth: this is what it says of itself. `landtool eval` compares with truth.",
+        note="The run has no truth: this is what it says of itself. landtool eval compares with truth.",
         empty="the pad was measured in no frame",
     )
 
@@ -166,7 +167,9 @@ def distance_chart(title: str, label: str, distance_m: Array, values: Array, *, 
         Series("5 to 95 %", middle, low, "a", "band", high),
         Series("median", middle, median, "a", "marked"),
     )
-    return Chart(title, "distance, m", label, series, note=note, empty=empty, log_x=True)
+    spread = value[value > 0.0]
+    log_y = bool(len(spread)) and float(np.percentile(spread, 95)) > _LOG_BAND * float(np.percentile(spread, 5))
+    return Chart(title, "distance, m", label, series, note=note, empty=empty, log_x=True, log_y=log_y)
 
 
 def _range(flight: Flight) -> tuple[float, float] | None:

@@ -18,7 +18,7 @@ from landtool.report.html.run_page import run_section
 from landtool.report.html.worst import Fault, Moment, worst
 from landtool.report.html.worst_eval import evaluation_faults
 
-_APART_S = 1.0  # between two of the worst frames of one clip
+_APART_S = 0.5  # between two of the worst frames of one clip
 _GATE_HEAD = ("number", "baseline", "now", "from", "to", "tolerance", "verdict")
 _LEVELS = {"worse": "bad", "gone": "bad", "better": "good"}
 _Clip = tuple[Section, Film | None, Flight | None]

@@ -88,7 +88,8 @@ def _stills(flight: Flight, made: Film, moments: list[Moment]) -> list[Still]:
     for moment, jpeg in zip(moments, pictures, strict=True):
         i = moment.fault.frame
         at = f"{moment.fault.at:.2f} s, " if flight.has_clock else ""
-        shown.append(Still(f"{at}frame {flight.index[i]}", moment.words, jpeg, _KEY, moment.fault.at))
+        words = tuple(dict.fromkeys((*moment.words, *([flight.reason[i]] if flight.reason[i] else []))))
+        shown.append(Still(f"{at}frame {flight.index[i]}", words, jpeg, _KEY, moment.fault.at))
     return shown
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from landtool.io.tables import Cell, ReadTable
 from landtool.report.html.worst import Fault
 
+_KINDS = ("flip", "miss", "missed target", "false alarm", "place", "normal")  # the weightiest first
+
 
 def evaluation_faults(tables: Mapping[str, ReadTable]) -> list[Fault]:
     """Return flips, misses, false alarms and large errors; `place` is the clip or part and the file in it."""
@@ -15,7 +17,7 @@ def evaluation_faults(tables: Mapping[str, ReadTable]) -> list[Fault]:
         found += _poses(poses)
     if boxes := tables.get("boxes.csv"):
         found += _boxes(boxes)
-    return found
+    return sorted(found, key=lambda fault: _KINDS.index(fault.kind))
 
 
 def _poses(table: ReadTable) -> Iterator[Fault]:

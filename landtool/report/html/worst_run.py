@@ -12,7 +12,8 @@ from landtool.report.html.worst import Fault
 
 _MISFIT_PX = 3.0  # a corner further off than this was not misread by noise
 _AMBIGUOUS = 0.8  # the two solutions of a pose fit nearly alike
-_PER_KIND = 40  # more of one kind than a page could show
+_MOST_RESIDUALS = 200  # to choose from: more than a page could show
+_HANDOVERS = ("near stage:", "far stage:")  # reasons that tell of a change of stage, which is nothing wrong
 
 
 def run_faults(flight: Flight) -> list[Fault]:
@@ -67,7 +68,7 @@ def _residuals(flight: Flight) -> Iterator[Fault]:
     if not len(known):
         return
     median = float(np.median(flight.residual_m[known]))
-    for i in known[np.argsort(-flight.residual_m[known], kind="stable")][: _PER_KIND * 5]:
+    for i in known[np.argsort(-flight.residual_m[known], kind="stable")][:_MOST_RESIDUALS]:
         size = float(flight.residual_m[i])
         made = f"the prediction made {flight.horizon_s:g} s before" if flight.horizon_s else "the prediction"
         yield _at(flight, "prediction", size, f"{made} was {size:.2f} m off (median {median:.2f} m)", int(i))
@@ -87,11 +88,13 @@ def _values(flight: Flight, kind: str, values: np.ndarray, limit: float, words: 
 
 
 def _reasons(flight: Flight) -> Iterator[Fault]:
-    """What the run wrote down of a frame; the rarer the weightier."""
-    count = {reason: flight.reason.count(reason) for reason in set(flight.reason)}
+    """What the run wrote down of frames, each text once, in the middle of its frames."""
+    frames: dict[str, list[int]] = {}
     for i, reason in enumerate(flight.reason):
-        if reason:
-            yield _at(flight, "reason", 1.0 / count[reason], reason, i)
+        if reason and not reason.startswith(_HANDOVERS):
+            frames.setdefault(reason, []).append(i)
+    for reason, of in frames.items():
+        yield _at(flight, "reason", float(len(of)), reason, of[len(of) // 2])
 
 
 def _at(flight: Flight, kind: str, size: float, words: str, i: int) -> Fault:
