@@ -9,18 +9,23 @@ from __future__ import annotations
 import math
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from scipy.stats import chi2
 
-from bench.method_runs import Landing, Recipe, Seen, followed, landings, rendered
+from bench.method_runs import Landing, Recipe, followed, landings, rendered
 from bench.show import table
-from landtool.geometry import Array, Pose, rotvec_from_rotation
+from landtool.evaluate.pose_difference import pose_difference
+from landtool.evaluate.pose_errors import PoseError, pose_errors
+from landtool.evaluate.prediction_errors import prediction_errors
+from landtool.evaluate.track_errors import TrackError, track_errors
+from landtool.geometry import Array
 from landtool.synth.clips.scenarios import ScenarioName
-from landtool.types import PadPose, Track
+from landtool.types import PoseMethod
 
 SCENARIOS: tuple[ScenarioName, ...] = ("straight", "turn", "stop-and-go", "figure-eight", "heave", "occlusion")
 FIRST_SEED = 3000  # constants were chosen on clips of seeds 600 to 618 and 2000 to 2006
@@ -35,12 +40,10 @@ FULL = (
     *(Recipe(name, FIRST_SEED + 10 + i) for i, name in enumerate(SCENARIOS)),
     *(Recipe(name, FIRST_SEED + 20 + i, 0.04) for i, name in enumerate(SCENARIOS)),
 )
-WIDE_PX, VISIBLE = 24.0, 0.5  # from which on a pad is to be measured
 BINS_M = (0.0, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 13.0, 16.0, 25.0)
 RANGES_M = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
 HORIZONS_S = (0.1, 0.25, 0.5, 1.0)
 STEPS = 40  # moments of a clip that are compared with the same moments of the others
-FIRST_S = 1.0  # a track is judged from then on
 
 
 def main(names: Sequence[str] = ()) -> None:
@@ -68,100 +71,63 @@ def _rendered() -> None:
     _predictions(found)
 
 
-def _measured(runs: Sequence[Landing]) -> Iterator[tuple[Landing, Seen, PadPose, Pose]]:
-    """Yield every frame with a pose of six degrees of freedom, with the true one."""
-    for run in runs:
-        for seen in run.frames:
-            if seen.pose is not None and seen.pose.method != "box":
-                yield run, seen, seen.pose, run.truth.camera_T_pad[seen.index]
+def _errors(runs: Sequence[Landing]) -> list[PoseError]:
+    return [error for run in runs for error in pose_errors(run.clip, run.results, run.truth, run.camera, run.pad)]
 
 
 def _poses(runs: Sequence[Landing], said: str) -> None:
+    everything = _errors(runs)
     rows = []
     for low, high in [*pairwise(BINS_M), (0.0, 10.0), (0.0, 25.0)]:
-        errors, wanted, methods = _in_bin(runs, low, high)
-        if not errors:
+        inside = [error for error in everything if low <= error.distance_m < high]
+        whole = [_shares(error) for error in inside if error.whole]
+        if not whole:
             continue
-        e = np.array(errors)
-        middle, worse = np.median(e, axis=0), np.percentile(e, 95, axis=0)
+        middle, worse = np.median(whole, axis=0), np.percentile(whole, 95, axis=0)
+        wanted = [error.whole for error in inside if error.measurable]
         share = f"{100.0 * sum(wanted) / len(wanted):.1f}" if wanted else ""
-        shares = "/".join(f"{100.0 * methods.count(name) / len(methods):.0f}" for name in ("tag", "target", "box"))
+        methods = [error.method for error in inside if error.method is not None]
+        shares = "/".join(f"{100.0 * methods.count(name) / len(methods):.0f}" for name in get_args(PoseMethod))
         place = [f"{middle[0]:.3f}", f"{worse[0]:.3f}", f"{middle[1]:.3f}", f"{middle[2]:.4f}"]
         turn = [f"{middle[3]:.2f}", f"{worse[3]:.2f}", f"{middle[4]:.2f}"]
-        rows.append([f"{low:g}-{high:g}", len(errors), share, *place, *turn, shares])
+        rows.append([f"{low:g}-{high:g}", len(whole), share, *place, *turn, shares])
     head = ["m", "n", "6-DoF %", "place %", "p95", "along %", "lateral %", "normal deg", "p95", "turn deg"]
     table(f"Poses by distance, medians; {said}", [*head, "tag/target/box %"], rows)
-    mirrored, half_turns, told = _flips(runs)
+    proven = [error for error in everything if error.confirmed]
+    mirrored, half_turns, told = (
+        sum(bool(getattr(error, name)) for error in proven) for name in ("mirrored", "half_turn", "half_turn_told")
+    )
     print(f"  flips after confirmation: {mirrored} mirrored, {half_turns} by half a turn, {told} more that were told")
 
 
-def _in_bin(runs: Sequence[Landing], low: float, high: float) -> tuple[list[list[float]], list[bool], list[str]]:
-    """Return errors of the poses of six degrees of freedom, whether wanted frames have one, and all methods."""
-    errors, wanted, methods = [], [], []
-    for run in runs:
-        for seen in run.frames:
-            true = run.truth.camera_T_pad[seen.index]
-            distance = float(np.linalg.norm(true.translation))
-            if not low <= distance < high:
-                continue
-            has_pose = seen.pose is not None and seen.pose.method != "box"
-            visible = run.truth.visible[seen.index]
-            if run.fx_px / distance >= WIDE_PX and visible > VISIBLE:
-                wanted.append(has_pose)
-            if seen.pose is not None:
-                methods.append(str(seen.pose.method))
-                if has_pose:
-                    errors.append(_errors(seen.pose.camera_T_pad, true))
-    return errors, wanted, methods
-
-
-def _errors(found: Pose, true: Pose) -> list[float]:
+def _shares(error: PoseError) -> Array:
     """Return the errors of place, along and across the line of sight in % of the distance; of normal and turn, deg."""
-    distance = float(np.linalg.norm(true.translation))
-    ray, off = true.translation / distance, found.translation - true.translation
-    along = float(off @ ray)
-    across = float(np.linalg.norm(off - along * ray))
-    normal = math.degrees(math.acos(min(max(float(found.rotation[:, 2] @ true.rotation[:, 2]), -1.0), 1.0)))
-    shares = [100.0 * value / distance for value in (float(np.linalg.norm(off)), abs(along), across)]
-    return [*shares, normal, math.degrees(found.angle_to(true))]
-
-
-def _flips(runs: Sequence[Landing]) -> tuple[int, int, int]:
-    """Count poses after confirmation that are mirrored, or half a turn off with and without their covariance saying so.
-
-    Mirrored: the normal is nearer to the mirror image of the true one about the line of sight, by 4 degrees at least.
-    """
-    mirrored = half_turns = told = 0
-    for _, seen, pose, true in _measured(runs):
-        if not any(track.status == "confirmed" for track in seen.tracks):
-            continue
-        ray = true.translation / np.linalg.norm(true.translation)
-        normal, found = true.rotation[:, 2], pose.camera_T_pad.rotation[:, 2]
-        image = 2.0 * float(normal @ ray) * ray - normal
-        to_true, to_image = (math.degrees(math.acos(min(max(float(found @ n), -1.0), 1.0))) for n in (normal, image))
-        mirrored += to_image < to_true - 4.0
-        if math.degrees(pose.camera_T_pad.angle_to(true)) > 90.0:
-            is_told = float(found @ pose.covariance[3:, 3:] @ found) > 0.3**2
-            told, half_turns = told + is_told, half_turns + (not is_told)
-    return mirrored, half_turns, told
+    place = [100.0 * (getattr(error, name) or 0.0) / error.distance_m for name in ("place_m", "along_m", "across_m")]
+    return np.array([*place, error.normal_deg, error.rotation_deg], np.float64)
 
 
 def _against_tags(runs: Sequence[Landing]) -> None:
     """Print errors of three ways on the same frames, those in which all three have a pose."""
     rows = []
     for low, high in pairwise(RANGES_M):
-        ways: list[list[list[float]]] = [[], [], []]
-        for _, seen, pose, true in _measured(runs):
-            if seen.library is None or seen.tag is None or not low <= np.linalg.norm(true.translation) < high:
-                continue
-            for errors, found in zip(ways, (seen.library, seen.tag, pose.camera_T_pad), strict=True):
-                errors.append(_errors(found, true))
+        ways: list[list[tuple[float, float]]] = [[], [], []]
+        for run in runs:
+            for result in run.results:
+                pose, true = result.pose, run.truth.frames[result.index].camera_T_pad
+                by_library, by_tag = run.library.get(result.index), run.tag.get(result.index)
+                if pose is None or pose.method == "box" or true is None or by_library is None or by_tag is None:
+                    continue
+                distance_m = float(np.linalg.norm(true.translation))
+                for errors, found in zip(ways, (by_library, by_tag, pose.camera_T_pad), strict=True):
+                    off = pose_difference(found, true)
+                    if low <= distance_m < high:
+                        errors.append((100.0 * off.place_m / distance_m, off.rotation_deg))
         if not ways[0]:
             continue
-        middle = [np.median(np.array(errors), axis=0) for errors in ways]
+        middle = [np.median(errors, axis=0) for errors in ways]
         places = [f"{m[0]:.3f}" for m in middle]
-        turns = [f"{m[4]:.2f}" for m in middle]
-        gains = [f"{middle[k][4] / middle[2][4]:.1f}" for k in (0, 1)]
+        turns = [f"{m[1]:.2f}" for m in middle]
+        gains = [f"{middle[k][1] / middle[2][1]:.1f}" for k in (0, 1)]
         rows.append([f"{low:g}-{high:g}", len(ways[0]), *places, *turns, *gains])
     head = ["m", "n", "AprilTag place %", "tag", "target", "AprilTag deg", "tag", "target", "times better", "than tag"]
     table("The same frames by AprilTag and IPPE, by landtool's corners alone, by the target; medians", head, rows)
@@ -176,19 +142,28 @@ def _honesty(found: Sequence[Landing]) -> None:
     rows = []
     for way in ("ego", "alone"):
         runs = [run for run in found if run.way == way]
-        kinds: list[tuple[str, int, Callable[[Landing, Seen], float | None]]] = [
-            ("place", 3, _place_nees),
-            ("turn", 3, _turn_nees),
-            ("track", 4, _track_nees),
-            ("NIS", 2, _nis),
+        places = [_by_frame(run, _errors([run]), "nees_place") for run in runs]
+        turns = [_by_frame(run, _errors([run]), "nees_rotation") for run in runs]
+        tracks = [track_errors(run.clip, run.results, run.truth) for run in runs]
+        judged = [[error for error in errors if error.judged] for errors in tracks]
+        kinds = [
+            ("place", 3, places),
+            ("turn", 3, turns),
+            ("track", 4, [_by_frame(run, errors, "nees") for run, errors in zip(runs, judged, strict=True)]),
+            ("NIS", 2, [_by_frame(run, errors, "nis") for run, errors in zip(runs, judged, strict=True)]),
         ]
-        rows += [[way, name, dof, *_honest(runs, dof, of)] for name, dof, of in kinds]
+        rows += [[way, name, dof, *_honest(values, dof)] for name, dof, values in kinds]
     head = ["way", "", "dof", "mean", "band", "median", "chi2's", "moments in band %"]
     table("NEES and NIS, 95 % bands over the clips", head, rows)
 
 
-def _honest(runs: Sequence[Landing], dof: int, of: Callable[[Landing, Seen], float | None]) -> list[str]:
-    values = [[of(run, seen) for seen in run.frames] for run in runs]
+def _by_frame(run: Landing, errors: Sequence[PoseError] | Sequence[TrackError], name: str) -> list[float | None]:
+    """Return a value of every frame, None where it has none; of poses of six degrees of freedom only."""
+    told = {e.frame: getattr(e, name) for e in errors if isinstance(e, TrackError) or e.whole}
+    return [told.get(result.index) for result in run.results]
+
+
+def _honest(values: Sequence[Sequence[float | None]], dof: int) -> list[str]:
     known = [np.array([v for v in row if v is not None]) for row in values]
     known = [row for row in known if row.size]
     low, high = chi2.ppf((0.025, 0.975), len(known) * dof) / len(known)
@@ -207,45 +182,6 @@ def _honest(runs: Sequence[Landing], dof: int, of: Callable[[Landing, Seen], flo
     ]  # fmt: skip
 
 
-def _place_nees(run: Landing, seen: Seen) -> float | None:
-    if seen.pose is None or seen.pose.method == "box":
-        return None
-    off = seen.pose.camera_T_pad.translation - run.truth.camera_T_pad[seen.index].translation
-    return _squared(off, seen.pose.covariance[:3, :3])
-
-
-def _turn_nees(run: Landing, seen: Seen) -> float | None:
-    if seen.pose is None or seen.pose.method == "box":
-        return None
-    true = run.truth.camera_T_pad[seen.index]
-    off = rotvec_from_rotation(seen.pose.camera_T_pad.rotation @ true.rotation.T)
-    return _squared(off, seen.pose.covariance[3:, 3:])
-
-
-def _track_nees(run: Landing, seen: Seen) -> float | None:
-    track = _track(run, seen)
-    if track is None:
-        return None
-    truth = run.truth
-    place, speed = truth.places_m[track.reference][seen.index], truth.velocity_mps(track.reference)[seen.index]
-    return _squared(np.concatenate([place, speed]) - track.state, track.covariance)
-
-
-def _nis(run: Landing, seen: Seen) -> float | None:
-    track = _track(run, seen)
-    return None if track is None else track.nis
-
-
-def _squared(off: Array, covariance: Array) -> float:
-    return float(off @ np.linalg.solve(covariance, off))
-
-
-def _track(run: Landing, seen: Seen) -> Track | None:
-    """Return the oldest confirmed track, once the clip has begun."""
-    tracks = [track for track in seen.tracks if track.status == "confirmed"]
-    return tracks[0] if tracks and run.truth.t_s[seen.index] >= FIRST_S else None
-
-
 def _predictions(found: Sequence[Landing]) -> None:
     """Print the RMSE of predicted places by clip, and the same of two simpler ways."""
     for ours, paper in (("ego", "paper ego"), ("alone", "paper alone")):
@@ -259,26 +195,11 @@ def _predictions(found: Sequence[Landing]) -> None:
 
 
 def _clip_rows(clip: str, run: Landing, paper: Landing) -> Iterator[list[object]]:
-    ways = {
-        "landtool": _off(run, lambda track, h: next(p.xy_m for p in track.predictions if p.horizon_s == h)),
-        "held": _off(run, lambda track, _: track.state[:2]),
-        "paper": _off(paper, lambda track, h: next(p.xy_m for p in track.predictions if p.horizon_s == h)),
-    }
-    for name, errors in ways.items():
-        rmse = [math.sqrt(float(np.mean(errors[h]))) if errors[h] else None for h in HORIZONS_S]
-        yield [clip, name, *("" if value is None else f"{value:.3f}" for value in rmse), len(errors[HORIZONS_S[0]])]
-
-
-def _off(run: Landing, ahead: Callable[[Track, float], Array]) -> dict[float, list[float]]:
-    """Return squared errors of predictions, m^2, by horizon."""
-    errors: dict[float, list[float]] = {h: [] for h in HORIZONS_S}
-    for seen in run.frames:
-        track = _track(run, seen)
-        for h in HORIZONS_S if track is not None else ():
-            true = run.truth.later_m(track.reference, seen.index, h) if track is not None else None
-            if track is not None and true is not None:
-                errors[h].append(float(np.sum((ahead(track, h) - true) ** 2)))
-    return errors
+    ours, theirs = (prediction_errors(clip, landing.results, landing.truth) for landing in (run, paper))
+    for name, errors, what in (("landtool", ours, "error_m"), ("held", ours, "held_m"), ("paper", theirs, "error_m")):
+        off = [np.array([getattr(e, what) for e in errors if e.horizon_s == h]) for h in HORIZONS_S]
+        rmse = [f"{math.sqrt(float(np.mean(values**2))):.3f}" if values.size else "" for values in off]
+        yield [clip, name, *rmse, len(off[0])]
 
 
 if __name__ == "__main__":

@@ -19,16 +19,16 @@ from apriltag import apriltag
 
 from landtool.camera import Camera
 from landtool.config import TrackConfig, configured
-from landtool.geometry import Array, Pose, rotation_from_quaternion
+from landtool.evaluate.clip_truth import ClipTruth, TrueFrame, read_clip_truth
+from landtool.geometry import Pose
 from landtool.io.calibration import read_camera, write_camera
-from landtool.io.poses import STRAIGHT_DOWN
 from landtool.pad import PadSpec
 from landtool.run.tracking import track
 from landtool.synth.clips.config import ClipConfig
 from landtool.synth.clips.scenarios import ScenarioName
 from landtool.synth.clips.write import write_clip
 from landtool.tags.pose import pad_corners, pad_solutions
-from landtool.types import Frame, FrameResult, Image, LostFrame, PadPose, TagObservation, Track
+from landtool.types import Frame, FrameResult, Image, LostFrame, TagObservation
 
 Way = Literal["ego", "alone", "paper ego", "paper alone"]
 WAYS: tuple[Way, ...] = ("ego", "alone", "paper ego", "paper alone")
@@ -63,46 +63,17 @@ class Recipe:
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
-    """What is true of a clip's N frames. t_s: (N,). camera_T_pad: N. places_m: (N, 2) of the pad by reference frame."""
-
-    t_s: Array
-    camera_T_pad: tuple[Pose, ...]
-    visible: Array
-    places_m: dict[str, Array]
-
-    def later_m(self, reference: str, frame: int, horizon_s: float) -> Array | None:
-        """Return the true place (2,) some time after a frame, None after the clip's end."""
-        at = self.t_s[frame] + horizon_s
-        if at > self.t_s[-1]:
-            return None
-        return np.array([np.interp(at, self.t_s, places) for places in self.places_m[reference].T])
-
-    def velocity_mps(self, reference: str) -> Array:
-        """Return the true velocities (N, 2)."""
-        return np.asarray(np.gradient(self.places_m[reference], self.t_s, axis=0))
-
-
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What one frame gave. library, tag: poses of AprilTag's own corners by IPPE, and of landtool's corners alone."""
-
-    index: int
-    pose: PadPose | None
-    tracks: tuple[Track, ...]
-    library: Pose | None = None
-    tag: Pose | None = None
-
-
-@dataclass(frozen=True, eq=False)
 class Landing:
-    """One clip followed one way. fx_px: of its camera."""
+    """One clip followed one way. library, tag: poses by frame, of AprilTag's corners by IPPE, and landtool's alone."""
 
     clip: str
     way: Way
-    fx_px: float
-    truth: Truth
-    frames: tuple[Seen, ...]
+    camera: Camera
+    pad: PadSpec
+    truth: ClipTruth
+    results: tuple[FrameResult, ...]
+    library: dict[int, Pose]
+    tag: dict[int, Pose]
 
 
 def landings(recipes: Sequence[Recipe], ways: Sequence[Way] = WAYS) -> list[Landing]:
@@ -149,19 +120,22 @@ def followed(clip: Clip, way: Way) -> Landing:
         values["ego"] = str(clip.ego)
     if way in ("paper ego", "paper alone"):
         values |= {"policy": "paper", "tracker": {"measurement": "paper"}}
-    seen: list[Seen] = []
+    results: list[FrameResult] = []
+    by_library: dict[int, Pose] = {}
+    by_tag: dict[int, Pose] = {}
 
     def keep(frame: Frame | LostFrame, result: FrameResult) -> None:
-        by_library = by_tag = None
-        if way == "alone" and isinstance(frame, Frame):
-            by_tag = _of_tags(result.tags, camera, pad)
-            by_library = _of_library(frame.image, camera, pad) if by_tag is not None else None
-        seen.append(Seen(result.index, result.pose, result.tracks, by_library, by_tag))
+        results.append(result)
+        if way != "alone" or not isinstance(frame, Frame) or (pose := _of_tags(result.tags, camera, pad)) is None:
+            return
+        by_tag[result.index] = pose
+        if (pose := _of_library(frame.image, camera, pad)) is not None:
+            by_library[result.index] = pose
 
     with tempfile.TemporaryDirectory() as folder:
         track(clip.path, Path(folder) / "out", configured(TrackConfig(), values), on_frame=keep)
-    truth = _generated(clip.path) if clip.pad else _path_traced(clip.path)
-    return Landing(clip.name, way, camera.fx, truth, tuple(seen))
+    truth = read_clip_truth(clip.path.with_suffix(".truth.csv")) if clip.pad else _path_traced(clip.path)
+    return Landing(clip.name, way, camera, pad, truth, tuple(results), by_library, by_tag)
 
 
 def _of_tags(tags: Sequence[TagObservation], camera: Camera, pad: PadSpec) -> Pose | None:
@@ -187,32 +161,15 @@ def _of_library(image: Image, camera: Camera, pad: PadSpec) -> Pose | None:
     return Pose.from_rotvec(places[0].ravel(), rotvecs[0].ravel())
 
 
-def _generated(path: Path) -> Truth:
-    rows = _rows(path.with_suffix(".truth.csv"))
-    pads = tuple(_pose(row, "camera_T_pad_{}_m", "camera_T_pad_q{}") for row in rows)
-    world = np.array([[float(row["world_T_pad_x_m"]), float(row["world_T_pad_y_m"])] for row in rows])
-    t_s = np.array([int(row["t_ns"]) for row in rows]) * 1e-9
-    return Truth(t_s, pads, _column(rows, "visible_fraction"), {"world": world, "body": _in_body(pads)})
-
-
-def _path_traced(path: Path) -> Truth:
-    rows = _rows(path.with_suffix(".csv"))
-    pads = tuple(_pose(row, "t{}", "q{}") for row in rows)
-    return Truth(_column(rows, "t"), pads, _column(rows, "visible_fraction"), {"body": _in_body(pads)})
-
-
-def _in_body(camera_T_pad: Sequence[Pose]) -> Array:
-    return np.array([(STRAIGHT_DOWN @ pose).translation[:2] for pose in camera_T_pad])
-
-
-def _pose(row: dict[str, str], place: str, turn: str) -> Pose:
-    quaternion = np.array([float(row[turn.format(axis)]) for axis in "wxyz"])
-    rotation = rotation_from_quaternion(quaternion / np.linalg.norm(quaternion))
-    return Pose(rotation, np.array([float(row[place.format(axis)]) for axis in "xyz"]))
-
-
-def _column(rows: Sequence[dict[str, str]], name: str) -> Array:
-    return np.array([float(row[name]) for row in rows])
+def _path_traced(path: Path) -> ClipTruth:
+    table = path.with_suffix(".csv")
+    frames = []
+    for row in _rows(table):
+        quaternion = [float(row[f"q{axis}"]) for axis in "wxyz"]
+        pad = Pose.from_quaternion([float(row[f"t{axis}"]) for axis in "xyz"], quaternion)
+        t_ns, visible = round(float(row["t"]) * 1e9), float(row["visible_fraction"])
+        frames.append(TrueFrame(int(row["frame"]), t_ns, pad, visible_fraction=visible))
+    return ClipTruth(table, tuple(frames))
 
 
 def _rows(path: Path) -> list[dict[str, str]]:
