@@ -367,6 +367,12 @@ def _table(head: tuple[str, ...], rows: typing.Iterable[tuple[str, ...]]) -> str
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
+def shipped_tolerance() -> str:
+    """Show the tolerance of `landtool eval` where none is given."""
+    text = (ROOT / "landtool" / "data" / "tolerance.toml").read_text(encoding="utf-8")
+    return f"```toml\n{text.rstrip()}\n```"
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "commands": command_reference,
     "common options": common_options,
@@ -384,6 +390,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "raw encodings": raw_encodings,
     "video codecs": video_codecs,
     "bench parts": bench_parts,
+    "tolerance": shipped_tolerance,
 }
 
 
