@@ -31,6 +31,7 @@ PARTS = {
         "the whole of landtool track against truth: poses by distance, against tags, honest covariances, predictions",
     ),
     "speed": ("bench.speed", "frames a second of the whole of landtool track, near and far, and its stages"),
+    "eval": ("bench.eval", "time of the metric code of boxes against the network's"),
     "recordings": ("bench.recordings", "landtool track on the real and path-traced recordings beside the project"),
 }
 
