@@ -94,12 +94,14 @@ class TrueFrame:
 class ClipTruth:
     """The truth of a clip's N frames in order of their numbers, or of their times where they have none.
 
-    missing: of the groups of columns that are not there, what cannot be told without them, a sentence each.
+    missing: of the groups of columns that are not there, what cannot be told without them, a sentence each. has_boxes:
+    a frame without a box is known to show none; else nothing is known of boxes.
     """
 
     path: Path
     frames: tuple[TrueFrame, ...]
     missing: tuple[str, ...] = ()
+    has_boxes: bool = True
 
     @cached_property
     def numbered(self) -> bool:
@@ -136,10 +138,10 @@ class ClipTruth:
     def labelled(self, index: int, path: Path, width: int, height: int, t_ns: int | None = None) -> LabelledImage:
         """Return a frame of width x height pixels as a labelled picture of class 0; without a box it is a background.
 
-        Raises KeyError for a frame there is no truth of.
+        Raises KeyError for a frame there is no truth of, and for all of them where nothing is known of boxes.
         """
         frame = self.at(index, t_ns)
-        if frame is None:
+        if frame is None or not self.has_boxes:
             raise KeyError(index)
         boxes = () if frame.box_px is None else (LabelledBox(0, *frame.box_px.tolist()),)
         return LabelledImage(path, width, height, boxes)
@@ -189,7 +191,7 @@ def _read(path: Path) -> ClipTruth:
     _refuse_repeated(rows, key, groups)
     lost = [name for name in GROUPS if name not in groups and GROUPS[name][1]]
     missing = tuple(f"{path.name} has no {name}: {GROUPS[name][1]} cannot be told from it" for name in lost)
-    return ClipTruth(path, tuple(frame for _, frame in rows), missing)
+    return ClipTruth(path, tuple(frame for _, frame in rows), missing, "box" in groups)
 
 
 def _groups(names: Sequence[str]) -> tuple[str, ...]:

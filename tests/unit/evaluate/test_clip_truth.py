@@ -77,6 +77,14 @@ def test_what_is_missing_is_said_and_undefined(file: Path) -> None:
     assert np.isnan(motion.velocities_mps).all()
 
 
+def test_without_boxes_no_frame_is_a_background(file: Path) -> None:
+    file.write_text(f"frame,{POSE}\n0,{AHEAD}\n")
+    truth = read_clip_truth(file)
+    assert not truth.has_boxes
+    with pytest.raises(KeyError):
+        truth.labelled(0, Path("0.png"), 64, 48)
+
+
 def test_without_numbers_frames_are_matched_by_their_times(file: Path) -> None:
     file.write_text(f"t_ns,{POSE}\n1000000000,{AHEAD}\n1050000000,{AHEAD}\n")
     truth = read_clip_truth(file)
