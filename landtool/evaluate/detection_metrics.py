@@ -85,11 +85,11 @@ def unheard_classes(
 def class_notes(pictures: Sequence[ScoredPicture], names: Sequence[str], model_names: Sequence[str]) -> list[str]:
     """Return a line for each class that only the model or only the dataset has."""
     left_out = [
-        f"{count} detections of '{label}' are left out: the dataset has no such class"
+        f"detections of '{label}' are left out, as the dataset has no such class: {count}"
         for label, count in unknown_classes(pictures, names).items()
     ]
     missed = [
-        f"{count} targets '{label}' count as missed: the model has no such class"
+        f"targets of '{label}' count as missed, as the model has no such class: {count}"
         for label, count in unheard_classes(pictures, names, model_names).items()
     ]
     return left_out + missed

@@ -230,8 +230,8 @@ def test_classes_the_dataset_does_not_name_are_left_out_and_said() -> None:
     assert (told["map50"].value, told["precision"].value, told["false_alarms_per_frame"].value) == (1.0, 1.0, 0.0)
     assert unknown_classes(pictures, ("pad",)) == {"car": 2, "dog": 1}
     assert class_notes(pictures, ("pad",), ("pad", "car", "dog")) == [
-        "2 detections of 'car' are left out: the dataset has no such class",
-        "1 detections of 'dog' are left out: the dataset has no such class",
+        "detections of 'car' are left out, as the dataset has no such class: 2",
+        "detections of 'dog' are left out, as the dataset has no such class: 1",
     ]
 
 
@@ -241,7 +241,7 @@ def test_classes_the_model_does_not_have_are_missed_and_said() -> None:
     assert (told["map50"].value, told["recall"].value) == (0.5, pytest.approx(1 / 3))
     assert unheard_classes(pictures, ("pad", "sign"), ("pad",)) == {"sign": 2}
     assert class_notes(pictures, ("pad", "sign"), ("pad",)) == [
-        "2 targets 'sign' count as missed: the model has no such class"
+        "targets of 'sign' count as missed, as the model has no such class: 2"
     ]
 
 
