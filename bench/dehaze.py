@@ -27,12 +27,12 @@ from bench.dehaze_pairs import (
     generator_pairs,
     path_traced_stills,
     rendered_pairs,
-    ssim,
 )
 from bench.dehaze_speed import print_speed
 from bench.show import table
 from bench.textbook import textbook
 from landtool.dehaze.config import DehazeConfig
+from landtool.evaluate.dehazing import ssim
 from landtool.geometry import Array
 from landtool.synth.fog import KOSCHMIEDER
 from landtool.types import Image

@@ -1,4 +1,4 @@
-"""Pictures through fog with the same scene in clear air, and how alike two pictures are."""
+"""Pictures through fog with the same scene in clear air."""
 
 from __future__ import annotations
 
@@ -9,25 +9,18 @@ from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
-import cv2
-import numpy as np
-from numpy.typing import NDArray
-
 from bench.detect_sets import PAD, RENDERED, SIZE, PictureSet, made_set
 from landtool.dehaze.config import DehazeConfig
-from landtool.dehaze.stage import DehazeStage
+from landtool.dehaze.stage import dehazed
 from landtool.io.images import read_picture
 from landtool.synth.domain import Domain
 from landtool.synth.fog_pair import make_fog_pair
-from landtool.types import Frame, Image
+from landtool.types import Image
 
 LEAST_BETA, LEAST_TRANSMISSION = 0.05, 0.08  # thinner fog does little, behind thicker one nothing is left to be seen
 PAIRS, SEED = 120, 21  # tools/fit_veil.py draws from seeds 11 to 13
 CLEAR, CLEAR_SEED = 150, 22
 FOGGY = Domain(fog=1.0, visibility_m=(8.0, 78.0), absent=0.1)
-
-_C1, _C2 = (0.01 * 255.0) ** 2, (0.03 * 255.0) ** 2
-_WINDOW, _SIGMA = 11, 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,26 +76,8 @@ def path_traced_stills() -> Sequence[Image]:
 
 def dehazed_alone(image: Image, config: DehazeConfig | None = None) -> tuple[Image, float]:
     """Return a picture dehazed on its own, whatever its haze, and that haze."""
-    seen = DehazeStage(config or DehazeConfig(), when="on").see(Frame(0, None, image))
+    seen = dehazed(image, config or DehazeConfig())
     return seen.image, seen.haze
-
-
-def ssim(a: Image, b: Image) -> float:
-    """Return how alike two pictures (H, W, 3) are, 1 the same: the mean over pixels and channels.
-
-    Z. Wang et al., Image quality assessment: from error visibility to structural similarity, 2004, with its Gaussian
-    window; the same number as skimage's with gaussian_weights, use_sample_covariance=False, data_range=255.
-    """
-    x, y = a.astype(np.float32), b.astype(np.float32)
-    mx, my = _mean(x), _mean(y)
-    xx, yy, xy = _mean(x * x) - mx * mx, _mean(y * y) - my * my, _mean(x * y) - mx * my
-    alike = (2.0 * mx * my + _C1) * (2.0 * xy + _C2) / ((mx * mx + my * my + _C1) * (xx + yy + _C2))
-    inside = slice(_WINDOW // 2, -(_WINDOW // 2))  # where the whole window lies in the picture
-    return float(alike[inside, inside].mean(dtype=np.float64))
-
-
-def _mean(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.asarray(cv2.GaussianBlur(values, (_WINDOW, _WINDOW), _SIGMA), np.float32)
 
 
 def _read(path: Path) -> Image:
