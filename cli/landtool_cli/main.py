@@ -25,6 +25,7 @@ from landtool_cli.groups import NamingGroup, help_if_alone
 COMMANDS = {
     "track": ("landtool_cli.commands.track", "Follow the pad through recordings: poses, track, prediction, video."),
     "report": ("landtool_cli.commands.report", "Make one page of a run or an evaluation: verdict, video, charts."),
+    "eval": ("landtool_cli.commands.eval", "Score every stage against truth, and keep it from getting worse."),
     "train": ("landtool_cli.commands.train", "Train the network that finds the pad from afar."),
     "detect": ("landtool_cli.commands.detect", "Find pad and tags in recordings: boxes in pixels, video."),
     "dehaze": ("landtool_cli.commands.dehaze", "Take the haze out of recordings; kind, size and timing stay."),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -12,12 +12,29 @@ from landtool.errors import InputError, LandtoolError, UsageError
 Settings = TypeVar("Settings")
 
 
+OTHER_TABLES = ("eval",)  # of one file that serves several commands, each reads its own
+
+
 def from_file(defaults: Settings, file: Path | None) -> Settings:
     """Return the settings with those of a file, if there is one, put in; what is wrong with it names the file."""
+    return _put_in(defaults, file, lambda data: {name: v for name, v in data.items() if name not in OTHER_TABLES})
+
+
+def table_of_file(defaults: Settings, file: Path | None, table: str) -> Settings:
+    """Return the settings with those of one table of a file put in."""
+    return _put_in(defaults, file, lambda data: data.get(table, {}), f"{table}.")
+
+
+def _put_in(
+    defaults: Settings, file: Path | None, chosen: Callable[[dict[str, Any]], Any], where: str = ""
+) -> Settings:
     if file is None:
         return defaults
     try:
-        return configured(defaults, read_config(file))
+        values = chosen(read_config(file))
+        if not isinstance(values, Mapping):
+            raise InputError(f"'{where.removesuffix('.')}' must be a table")
+        return configured(defaults, values, where)
     except LandtoolError as error:
         raise type(error)(error.reason, file=error.file or file, hint=error.hint) from error
 

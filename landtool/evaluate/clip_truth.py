@@ -21,6 +21,7 @@ from landtool.io.tables import Cell, Columns, column_names, numbered_rows
 from landtool.types import Reference
 
 SAME_MOMENT_NS = 1_000_000  # of a truth without numbers: recordings hold their times in milliseconds at the coarsest
+LEAST_VISIBLE = 0.2  # of a pad, from which on a box of it is asked for
 _PLACE = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
 _HINT = "docs/generate.md lists the columns of a clip's truth"
 
@@ -138,12 +139,14 @@ class ClipTruth:
     def labelled(self, index: int, path: Path, width: int, height: int, t_ns: int | None = None) -> LabelledImage:
         """Return a frame of width x height pixels as a labelled picture of class 0; without a box it is a background.
 
+        A pad of which less than LEAST_VISIBLE is seen counts neither way, as a crowd does.
         Raises KeyError for a frame there is no truth of, and for all of them where nothing is known of boxes.
         """
         frame = self.at(index, t_ns)
         if frame is None or not self.has_boxes:
             raise KeyError(index)
-        boxes = () if frame.box_px is None else (LabelledBox(0, *frame.box_px.tolist()),)
+        hardly = frame.visible_fraction is not None and frame.visible_fraction < LEAST_VISIBLE
+        boxes = () if frame.box_px is None else (LabelledBox(0, *frame.box_px.tolist(), crowd=hardly),)
         return LabelledImage(path, width, height, boxes)
 
     @cached_property

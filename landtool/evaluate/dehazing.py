@@ -16,7 +16,7 @@ from landtool.evaluate.bootstrap import UNDEFINED, Estimate, Resamples
 from landtool.evaluate.facts import parts
 from landtool.evaluate.metric import Metric, metric
 from landtool.io.images import SUFFIXES, natural_key
-from landtool.io.tables import column_names, read_rows
+from landtool.io.tables import Columns, Row, column_names, read_rows
 from landtool.types import Image
 
 # Two pictures of 8 bits that are alike to the last digit may still differ by their rounding, of variance 1/12: what is
@@ -27,6 +27,14 @@ MOST_DB = 10.0 * math.log10(255.0**2 / _ROUNDING)
 _C1, _C2 = (0.01 * 255.0) ** 2, (0.03 * 255.0) ** 2
 _WINDOW, _SIGMA = 11, 1.5
 _FACT = "fog_per_m"
+
+
+DEHAZE_ERROR_COLUMNS: Columns = {
+    "part": str,
+    "file": str,
+    **dict.fromkeys(("fog_per_m", "haze", "psnr_before_db", "psnr_after_db", "ssim_before", "ssim_after"), float),
+}
+"""The columns of dehaze_errors.csv."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +70,13 @@ class ScoredPair:
     fog_per_m: float | None
     haze: float | None
     score: PairScore
+
+
+def dehaze_error_row(pair: ScoredPair) -> Row:
+    """Return the row of dehaze_errors.csv."""
+    score = pair.score
+    near = score.psnr_before_db, score.psnr_after_db, score.ssim_before, score.ssim_after
+    return pair.part, pair.file, pair.fog_per_m, pair.haze, *near
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ class StillTruth:
 
     tag_corners_px: (4, 2) of the pad's first tag, upright top-left, top-right, bottom-right, bottom-left, OpenCV's
     pixels, in the picture or not. visible_fraction: share of the disc that is in the picture and not hidden.
+    hidden: share of what is in the picture that something stands before.
     """
 
     facts: Facts
@@ -42,6 +43,7 @@ class StillTruth:
     tag_corners_px: Array | None
     visible_fraction: float
     present: bool
+    hidden: float | None = None
 
 
 def read_stills_truth(path: Path) -> Mapping[str, StillTruth]:
@@ -85,7 +87,9 @@ def _truth(row: _Row, size: tuple[int, int]) -> StillTruth:
     x, y, z, *wxyz = _numbers(row, _POSE)
     pose = Pose.from_quaternion((x, y, z), wxyz)
     corners = np.array(_numbers(row, _CORNERS)).reshape(4, 2)
-    return StillTruth(_facts(row, pose), camera, pose, corners, _number(row, "visible_fraction"), True)
+    return StillTruth(
+        _facts(row, pose), camera, pose, corners, _number(row, "visible_fraction"), True, _number(row, "hidden")
+    )
 
 
 def _facts(row: _Row, camera_T_pad: Pose) -> Facts:

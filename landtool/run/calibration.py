@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -190,7 +190,11 @@ def _solve(request: CalibrateRequest, search: _Search) -> tuple[Calibration, lis
         hint = seen or "film the whole board, sharp, flat and well lit, and check --board and --squares"
         raise InputError(f"a {board.kind} of {board.size} is found in {count}, {LEAST_VIEWS} are needed", hint=hint)
     calibration = calibrate_views(board, search.found, search.size, MODELS[request.model])
-    notes = what_differs(board, search.with_board[:3])
+    differs = what_differs(board, search.with_board[:3])
+    if differs:
+        verdict = "usable" if calibration.verdict == "good" else "poor"
+        calibration = replace(calibration, warnings=(*differs, *calibration.warnings), verdict=verdict)
+    notes = []
     if search.other_sizes:
         width, height = search.size
         notes.append(f"{search.other_sizes} pictures are not {width}x{height} as the first one and were left out")

@@ -13,33 +13,44 @@ from landtool.detect.detector import Detector
 from landtool.evaluate.clip_truth import ClipTruth, read_clip_truth
 from landtool.evaluate.dataset import Clip
 from landtool.evaluate.detection_metrics import ScoredPicture
+from landtool.evaluate.pose_errors import unit
+from landtool.geometry import Pose
 from landtool.io.run_record import StageTime
 from landtool.io.source import open_source
 from landtool.pad import PadSpec
 from landtool.run.looking import boxes
-from landtool.run.tracking import read_files, track
+from landtool.run.tracking import RunFiles, read_files, track
 from landtool.types import Frame, FrameResult, LostFrame
 
 OnPicture = Callable[[], None]
-RUNS = "runs"
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A recording as `landtool track` followed it: results of every frame, with what it was followed, how long it took.
+
+    timings: by stage.
+    """
+
+    results: tuple[FrameResult, ...]
+    camera: Camera
+    pad: PadSpec
+    body_T_camera: Pose
+    timings: Mapping[str, StageTime]
+    wall_s: float
 
 
 @dataclass(frozen=True, eq=False)
 class SeenClip:
     """What was seen in a recording.
 
-    results: of every frame, as `landtool track` has them; none where only the network was asked. camera, pad: with
-    which it was followed. timings: of the run. pictures: frames with their boxes. looked: the network's own results.
-    notes: what the run had to say.
+    followed: None where only the network was asked. pictures: frames with their boxes, those whose truth is known.
+    looked: the network's own results. notes: what the run had to say.
     """
 
     name: str
     truth: ClipTruth
-    results: tuple[FrameResult, ...] = ()
-    camera: Camera | None = None
-    pad: PadSpec | None = None
-    timings: Mapping[str, StageTime] | None = None
-    wall_s: float = 0.0
+    followed: Followed | None = None
     pictures: tuple[ScoredPicture, ...] = ()
     looked: tuple[FrameResult, ...] = ()
     notes: tuple[str, ...] = ()
@@ -52,13 +63,13 @@ def see_clip(
 
     Raises UsageError and InputError as `track` and the truth's reader do.
     """
-    seen = SeenClip(clip.name, read_clip_truth(clip.truth))
     settings = _of_clip(clip, config, evaluation)
+    files = read_files(settings)
+    seen = SeenClip(clip.name, read_clip_truth(clip.truth))
     if "pose" in evaluation.stages or "track" in evaluation.stages:
-        seen = _followed(seen, clip, settings, runs / clip.name, on_picture)
-    if "detection" in evaluation.stages:
-        pad = seen.pad or read_files(settings).pad
-        seen = _looked_at(seen, clip, detector, settings, pad, evaluation.every, on_picture)
+        seen = _followed(seen, clip, settings, files, runs / clip.name, on_picture)
+    if "detection" in evaluation.stages and seen.truth.has_boxes:
+        seen = _looked_at(seen, clip, detector, settings, files.pad, evaluation.every, on_picture)
     return seen
 
 
@@ -76,7 +87,9 @@ def _of_clip(clip: Clip, config: TrackConfig, evaluation: EvalConfig) -> TrackCo
     return replace(config, **changes)  # type: ignore[arg-type]
 
 
-def _followed(seen: SeenClip, clip: Clip, config: TrackConfig, folder: Path, on_picture: OnPicture) -> SeenClip:
+def _followed(
+    seen: SeenClip, clip: Clip, config: TrackConfig, files: RunFiles, folder: Path, on_picture: OnPicture
+) -> SeenClip:
     results: list[FrameResult] = []
 
     def keep(_frame: Frame | LostFrame, result: FrameResult) -> None:
@@ -84,17 +97,11 @@ def _followed(seen: SeenClip, clip: Clip, config: TrackConfig, folder: Path, on_
         on_picture()
 
     folder.parent.mkdir(parents=True, exist_ok=True)
-    files = read_files(config)
     outcome = track(clip.path, folder, config, files=files, on_frame=keep)
-    return replace(
-        seen,
-        results=tuple(results),
-        camera=outcome.camera,
-        pad=files.pad,
-        timings=outcome.timings,
-        wall_s=outcome.wall_s,
-        notes=tuple(f"{clip.name}: {note}" for note in outcome.notes),
-    )
+    assert outcome.camera is not None, "a track has a camera"
+    mount = files.body_T_camera
+    followed = Followed(tuple(results), outcome.camera, files.pad, mount, outcome.timings, outcome.wall_s)
+    return replace(seen, followed=followed, notes=tuple(f"{clip.name}: {note}" for note in outcome.notes))
 
 
 def _looked_at(
@@ -110,17 +117,15 @@ def _looked_at(
     with open_source(clip.path, topic=config.topic) as source:
         for frame, result in boxes(_every(iter(source), every), detector, pad, config):
             on_picture()
-            if isinstance(frame, LostFrame) or frame.index not in seen.truth:
+            looked.append(result)
+            true = seen.truth.at(frame.index, frame.t_ns)
+            if isinstance(frame, LostFrame) or true is None:
                 continue
             height, width = frame.image.shape[:2]
-            second = frame.index if frame.t_ns is None else frame.t_ns // 1_000_000_000
-            truth = seen.truth.labelled(frame.index, clip.path, width, height)
-            facts = seen.truth.facts(frame.index)
-            unit = (clip.name, second)
-            pictures.append(
-                ScoredPicture(clip.name, clip.path.name, frame.index, unit, truth, result.detections, facts)
-            )
-            looked.append(result)
+            labelled = seen.truth.labelled(frame.index, clip.path, width, height, frame.t_ns)
+            same = unit(clip.name, frame.index, frame.t_ns)
+            seen_there = clip.name, clip.path.name, frame.index, same, labelled, result.detections, true.facts
+            pictures.append(ScoredPicture(*seen_there))
     return replace(seen, pictures=tuple(pictures), looked=tuple(looked))
 
 

@@ -6,21 +6,22 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from landtool.camera import Camera
 from landtool.config import TrackConfig
 from landtool.detect.detector import Detector
-from landtool.errors import InputError
 from landtool.evaluate.dataset import Stills
+from landtool.evaluate.dehazing import ClearChange
 from landtool.evaluate.detection_metrics import ScoredPicture
 from landtool.evaluate.facts import Facts
-from landtool.evaluate.pose_errors import PosePair
 from landtool.evaluate.stills_truth import StillTruth, read_stills_truth
-from landtool.io.images import PictureError, read_picture
+from landtool.evaluate.true_pad import TruePad
 from landtool.io.labels import LabelledImage
 from landtool.io.poses import STRAIGHT_DOWN
 from landtool.landing.stages import StageSwitch, readable_altitude_m
 from landtool.pad import PadSpec
 from landtool.pipeline import process
 from landtool.run.looking import Remembered, boxes
+from landtool.run.scoring_haze import change_of_clear, image_of
 from landtool.run.tracking import make_finder
 from landtool.tracking.platform import PlatformTracker
 from landtool.types import Detection, Frame, FrameResult
@@ -32,13 +33,15 @@ OnPicture = Callable[[], None]
 class SeenStills:
     """What was seen in a set of pictures.
 
-    pictures: all of them with their boxes. hazy: those in fog, once more without a look through it. poses: of those
-    whose truth is known, with the pose that was measured. looked: results of the network, for their times.
+    pictures: all of them with their boxes. hazy: those in fog, once more without a look through it. clear: of those
+    known to be clear, what dehazing changes. poses: of those whose truth is known, their names, what was measured in
+    them and what is true. looked: the network's own results.
     """
 
     pictures: tuple[ScoredPicture, ...]
     hazy: tuple[ScoredPicture, ...]
-    poses: tuple[PosePair, ...]
+    clear: tuple[ClearChange, ...]
+    poses: tuple[tuple[str, FrameResult, TruePad], ...]
     looked: tuple[FrameResult, ...]
 
 
@@ -53,29 +56,29 @@ def see_stills(
 ) -> SeenStills:
     """Look at every picture. Raises InputError for one that cannot be read and a truth.csv that is broken."""
     truths = {} if part.truth is None else read_stills_truth(part.truth)
-    pictures, hazy, poses, looked = [], [], [], []
+    pictures, hazy, clear, poses, looked = [], [], [], [], []
     for image, frame in _frames(part):
         truth = truths.get(_name(image, part.folder))
         _, result = next(boxes([frame], detector, pad, config))
         looked.append(result)
         pictures.append(_scored(part, image, truth, result.detections))
-        if "dehaze" in stages and truth is not None and (truth.facts.fog_per_m or 0.0) > 0.0:
+        if "dehaze" in stages and truth is not None and truth.facts.fog_per_m:
             _, plain = next(boxes([frame], detector, pad, config, dehaze="off"))
             hazy.append(_scored(part, image, truth, plain.detections))
-        if "pose" in stages and truth is not None and truth.camera_T_pad is not None:
+        elif "dehaze" in stages and truth is not None:
+            clear.append(change_of_clear(part.name, _name(image, part.folder), frame.image, config.dehazer))
+        true = None if truth is None else _true_pad(truth)
+        if "pose" in stages and true is not None:
             remembered = Remembered(result.detections, config.detector.conf)
-            poses.append(_pose(part, frame, truth, remembered, config, pad))
+            name = f"{part.name}/{_name(image, part.folder)}"
+            poses.append((name, _measured(frame, true.camera, remembered, config, pad), true))
         on_picture()
-    return SeenStills(tuple(pictures), tuple(hazy), tuple(poses), tuple(looked))
+    return SeenStills(tuple(pictures), tuple(hazy), tuple(clear), tuple(poses), tuple(looked))
 
 
 def _frames(part: Stills) -> Iterator[tuple[LabelledImage, Frame]]:
     for index, image in enumerate(part.images):
-        try:
-            picture = read_picture(image.path)
-        except PictureError as error:
-            raise InputError(str(error), file=image.path, hint="replace or remove it") from error
-        yield image, Frame(index, None, picture.image, image.path.name, picture.damage)
+        yield image, Frame(index, None, image_of(image.path), image.path.name)
 
 
 def _scored(
@@ -92,18 +95,27 @@ def _facts(image: LabelledImage) -> Facts:
     return Facts(size_px=max(sides, default=None))
 
 
-def _pose(
-    part: Stills, frame: Frame, truth: StillTruth, detector: Remembered, config: TrackConfig, pad: PadSpec
-) -> PosePair:
-    """Measure the pad in one picture as if it were a recording of one frame."""
-    camera = truth.camera
-    finder = make_finder(config, camera, pad, STRAIGHT_DOWN, detector, None)
-    tracker = PlatformTracker(config.tracker, STRAIGHT_DOWN, None)
-    switch = StageSwitch(config.switch_altitude_m or readable_altitude_m(camera, pad))
-    _, result = next(
-        process([frame], finder=finder, switch=switch, tracker=tracker, body_T_camera=STRAIGHT_DOWN, dehazer=None)
+def _true_pad(truth: StillTruth) -> TruePad | None:
+    """Return the true pad of a picture, None where there is none in it."""
+    if truth.camera_T_pad is None:
+        return None
+    return TruePad(
+        truth.camera,
+        truth.camera_T_pad,
+        truth.facts,
+        truth.visible_fraction,
+        truth.hidden,
+        tag_corners_px=truth.tag_corners_px,
     )
-    return PosePair(part.name, frame.file, result, truth.camera_T_pad, camera, pad, truth.facts, truth.visible_fraction)
+
+
+def _measured(frame: Frame, camera: Camera, detector: Remembered, config: TrackConfig, pad: PadSpec) -> FrameResult:
+    """Measure the pad in one picture as if it were a recording of one frame."""
+    finder = make_finder(config, camera, pad, STRAIGHT_DOWN, detector, None)
+    tracker = PlatformTracker(config.tracker, STRAIGHT_DOWN)
+    switch = StageSwitch(config.switch_altitude_m or readable_altitude_m(camera, pad))
+    _, result = next(process([frame], finder=finder, switch=switch, tracker=tracker, body_T_camera=STRAIGHT_DOWN))
+    return result
 
 
 def _name(image: LabelledImage, folder: Path) -> str:
