@@ -149,6 +149,8 @@ def row_text(row: GateRow) -> str:
     is_now = f"is {_said(row.value)}" + (f" ({_interval(row)})" if row.low is not None else "")
     if row.baseline is None or row.by is None:
         return f"{is_now}, new"
+    if row.by == 0.0:
+        return f"{is_now}, was {_said(row.baseline)}"
     way = "worse" if row.by > 0.0 else "better"
     return f"was {_said(row.baseline)}, {is_now}, {way} by {_said(abs(row.by))}, allowed are {_said(row.tolerance)}"
 

@@ -161,6 +161,7 @@ def test_several_networks_are_refused() -> None:
     [
         (1.0, 1.5, "was 1, is 1.5, worse by 0.5, allowed are 0.1"),
         (1.0, 0.5, "was 1, is 0.5, better by 0.5, allowed are 0.1"),
+        (1.0, 1.0, "is 1, was 1"),
         (1.0, None, "was 1, is undefined"),
         (None, 1.0, "is 1, new"),
         (None, None, "undefined"),
