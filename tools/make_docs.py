@@ -21,7 +21,7 @@ from typing import Any, Literal
 import click
 
 from landtool import config
-from landtool.config import DehazeCommandConfig, DetectConfig, GenerateConfig, TrackConfig
+from landtool.config import DehazeCommandConfig, DetectConfig, EvalConfig, GenerateConfig, TrackConfig
 from landtool.dehaze import config as dehaze
 from landtool.detect import config as detector
 from landtool.families import tag_family
@@ -39,7 +39,13 @@ ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 _COMMON = ("help", "verbose", "quiet", "debug")
 _BOUNDS = config.BOUNDS | tracker.BOUNDS | detector.BOUNDS | training.BOUNDS | dehaze.BOUNDS | dehaze.PAPER_BOUNDS
-_OUTPUTS: dict[type, tuple[str, ...]] = {TrackConfig: config.TRACK_SAVES, DetectConfig: config.SAVES}
+# What the lists of texts in settings are made of
+_LISTS: dict[tuple[type, str], tuple[str, ...]] = {
+    (TrackConfig, "save"): config.TRACK_SAVES,
+    (DetectConfig, "save"): config.SAVES,
+    (EvalConfig, "save"): config.EVAL_SAVES,
+    (EvalConfig, "stages"): config.EVAL_STAGES,
+}
 _KINDS = {"int": "whole number", "float": "number", "str": "text", "bool": "true or false", "Path": "file name"}
 
 
@@ -173,6 +179,14 @@ def dehaze_settings() -> str:
     return "\n\n".join(parts)
 
 
+def eval_settings() -> str:
+    """Describe the keys of the table [eval], which `landtool eval` reads besides those of `landtool track`."""
+    command = cli.get_command(click.Context(cli), "eval")
+    assert command is not None
+    options = {p.name or "": p.opts[0] for p in command.params if isinstance(p, click.Option)}
+    return _settings_table(EvalConfig(), "", options)
+
+
 def generate_settings() -> str:
     """Describe the keys of a settings file for `landtool generate images`, without those of its domain."""
     group = cli.get_command(click.Context(cli), "generate")
@@ -205,7 +219,7 @@ def _settings_table(defaults: Any, where: str, options: dict[str, str]) -> str:
         option = options.get(where + field.name)
         rows.append((
             f"`{field.name}`",
-            _type_text(field.name, hints[field.name], _OUTPUTS.get(kind, ())),
+            _type_text(field.name, hints[field.name], _LISTS.get((kind, field.name), ())),
             _toml(value),
             f"`{option}`" if option else "",
             said[field.name],
@@ -228,7 +242,7 @@ def field_comments(kind: type) -> dict[str, str]:
     return said
 
 
-def _type_text(name: str, hint: Any, outputs: tuple[str, ...]) -> str:
+def _type_text(name: str, hint: Any, choices: tuple[str, ...]) -> str:
     kind = next((k for k in typing.get_args(hint) if k is not type(None)), hint) if _is_optional(hint) else hint
     if typing.get_origin(kind) is Literal:
         return " or ".join(f'`"{v}"`' for v in typing.get_args(kind))
@@ -236,10 +250,8 @@ def _type_text(name: str, hint: Any, outputs: tuple[str, ...]) -> str:
         return (
             "two numbers" if len(typing.get_args(kind)) == 2 and ... not in typing.get_args(kind) else "list of numbers"
         )
-    if typing.get_origin(kind) is tuple and name != "save":
-        return "list of texts"
     if typing.get_origin(kind) is tuple:
-        return "list of " + ", ".join(f'`"{v}"`' for v in outputs)
+        return "list of " + (", ".join(f'`"{v}"`' for v in choices) or "texts")
     low, high = _BOUNDS.get(name, (None, None))
     return _KINDS[kind.__name__] + ("" if low is None else f", {low:g} to {high:g}")
 
@@ -379,6 +391,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "settings": settings_reference,
     "detect settings": detect_settings,
     "dehaze settings": dehaze_settings,
+    "eval settings": eval_settings,
     "generate settings": generate_settings,
     "train settings": train_settings,
     "domain": domain_settings,

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 
 from landtool.pad import PadSpec
+from landtool.synth.board_clip import BoardClipConfig, write_board_clip
 from landtool.synth.clips import ClipConfig, write_clip
 from landtool.synth.dataset import DatasetRequest, write_dataset
 from landtool.synth.domain import Domain
@@ -27,6 +28,7 @@ CLIPS = {
     # near enough that the tag is read before the bridge hides it
     "occlusion": ClipConfig("occlusion", 4.0, SLOW, SMALL, 4.2, hfov_deg=60.0, seed=22),
 }
+BOARD = BoardClipConfig(seed=7)
 STILLS = DatasetRequest(40, 5, SMALL, (0.5, 0.25, 0.25), Domain(jpeg_quality=(60.0, 90.0)), PadSpec(), clear=True)
 
 
@@ -42,8 +44,9 @@ def make(folder: Path) -> list[Path]:
     """Write every fixture into a folder; returns the clips and the dataset."""
     made = [write_clip(APPROACH, folder / "approach.mp4", overwrite=True).path, _as_log(APPROACH, folder)]
     made += [write_clip(config, folder / f"{name}.mp4", overwrite=True).path for name, config in CLIPS.items()]
+    write_board_clip(BOARD, folder / "board.mp4", overwrite=True)
     write_dataset(STILLS, folder / "stills", overwrite=True, preview=False)
-    return [*made, folder / "stills"]
+    return [*made, folder / "board.mp4", folder / "stills"]
 
 
 def _as_log(config: ClipConfig, folder: Path) -> Path:

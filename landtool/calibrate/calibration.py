@@ -236,6 +236,6 @@ def _warnings(calibration: Calibration) -> tuple[str, ...]:
 def _verdict(calibration: Calibration, warnings: Sequence[str]) -> Verdict:
     solution, camera = calibration.solution, calibration.camera
     share = float(max(solution.sigmas[0] / camera.fx, solution.sigmas[1] / camera.fy))
-    if share > _FOCAL[1] or calibration.edge_sigma_px > _EDGE_PX[1] or solution.rms_px > 3 * _RMS * camera.width:
+    if share > _FOCAL[1] or calibration.edge_sigma_px > _EDGE_PX[1] or solution.rms_px > 2 * _RMS * camera.width:
         return "poor"
     return "usable" if warnings else "good"

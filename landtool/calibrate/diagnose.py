@@ -23,12 +23,14 @@ from landtool.errors import UsageError
 _ENOUGH = 4  # markers that are no accident
 _MOST_COLUMNS = 24
 _RATIO = 0.05  # relative difference of sizes that is said
+# What people say instead of a chessboard's columns and rows of squares, and a row or column miscounted
+_NEIGHBOURS = ((1, 1), (-1, -1), (1, 0), (0, 1), (-1, 0), (0, -1), (1, -1), (-1, 1))
 _APRILTAG = cv2.aruco.DICT_APRILTAG_36h11
 
 
 def why_not_found(board: Board, pictures: Sequence[Grey]) -> str:
     """Return what the pictures show instead of the board, or empty when they show nothing that is known."""
-    for look in (_other_size, _other_kind, _mirrored):
+    for look in (_other_size, _other_kind, _any_chessboard, _mirrored):
         for grey in pictures:
             said = look(board, grey)
             if said:
@@ -38,8 +40,8 @@ def why_not_found(board: Board, pictures: Sequence[Grey]) -> str:
 
 def _other_size(board: Board, grey: Grey) -> str:
     if board.kind == "chessboard":
-        size = chessboard_size(grey)
-        if size is None or sorted(size) == sorted((board.columns, board.rows)):
+        size = _neighbouring_size(board, grey)
+        if size is None:
             return ""
         columns, rows = size
         said = f"a chessboard of {columns}x{rows} squares is seen"
@@ -58,6 +60,15 @@ def _other_size(board: Board, grey: Grey) -> str:
     if other.white_first != board.white_first and other.columns == board.columns:
         return "the markers fit a board whose first square is white, as older OpenCV drew them; say --white-first"
     return f"the markers fit a board {other.columns} wide; say --squares {other.size}"
+
+
+def _neighbouring_size(board: Board, grey: Grey) -> tuple[int, int] | None:
+    """Return the size near the one that was said with which a chessboard is found; inner corners counted first."""
+    for more_columns, more_rows in _NEIGHBOURS:
+        columns, rows = board.columns + more_columns, board.rows + more_rows
+        if min(columns, rows) >= 4 and find_chessboard(grey, columns, rows) is not None:
+            return columns, rows
+    return None
 
 
 def chessboard_size(grey: Grey) -> tuple[int, int] | None:
@@ -112,9 +123,15 @@ def _other_kind(board: Board, grey: Grey) -> str:
         return f"{count} tags of an AprilGrid are seen; is it --board aprilgrid?"
     if (count := len(read_markers(grey, _APRILTAG, 1).ids)) >= _ENOUGH:
         return f"{count} plain tag36h11 tags are seen, with one black module around them where an AprilGrid has two"
-    if board.kind != "chessboard" and (size := chessboard_size(grey)) is not None:
-        return f"a plain chessboard of {size[0]}x{size[1]} squares is seen; is it --board chessboard?"
     return ""
+
+
+def _any_chessboard(board: Board, grey: Grey) -> str:
+    size = chessboard_size(grey)
+    if size is None or sorted(size) == sorted((board.columns, board.rows)):
+        return ""
+    said = f"--squares {size[0]}x{size[1]}" if board.kind == "chessboard" else "--board chessboard"
+    return f"a chessboard of about {size[0]}x{size[1]} squares is seen; is it {said}?"
 
 
 def _mirrored(board: Board, grey: Grey) -> str:
@@ -173,6 +190,7 @@ def _chessboard_differs(board: Board, pictures: Sequence[Grey]) -> list[str]:
         size = chessboard_size(grey)
         if size is not None and find_chessboard(grey, *size) is not None and min(size) >= 3:
             wanted = sorted((board.columns, board.rows))
-            if any(a > b for a, b in zip(sorted(size), wanted, strict=True)):
+            grown = [a - b for a, b in zip(sorted(size), wanted, strict=True)]
+            if min(grown) >= 0 and max(grown) > 0:
                 return [f"the chessboard seen has {size[0]}x{size[1]} squares, {board.size} was said; check --squares"]
     return []

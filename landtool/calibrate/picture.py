@@ -27,7 +27,8 @@ def draw_report(calibration: Calibration, title: str) -> bytes:
 
     camera = calibration.camera
     shape = camera.height / camera.width
-    figure = Figure(figsize=(_WIDTH_IN, 3.2 + _WIDTH_IN * min(max(shape, 0.5), 1.2)), dpi=_DPI, layout="constrained")
+    height = 2.2 + 0.88 * _WIDTH_IN * min(max(shape, 0.5), 1.2)
+    figure = Figure(figsize=(_WIDTH_IN, height), dpi=_DPI, layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(
         f"{title}: {calibration.verdict}, rms {calibration.solution.rms_px:.3f} px, {len(calibration.views)} views",

@@ -57,10 +57,15 @@
         cursor.setAttribute("visibility", "visible");
       }
     }
+    // One after the other, the last one wins: browsers choke on a seek inside a seek
+    let wanted = null;
+    function go(seconds) {
+      if (video.seeking) wanted = seconds; else video.currentTime = seconds;
+    }
     // Half a millisecond into the picture, or rounding would show the one before
     function seek(i) {
       show(i);
-      if (video && line.shown) video.currentTime = line.shown[i] + 0.0005;
+      if (video && line.shown) go(line.shown[i] + 0.0005);
     }
     const seekTo = (at) => seek(lastAt(line.at, at));
 
@@ -114,10 +119,14 @@
       });
     }
     if (video && line.shown) {
-      const follow = () => { if (!video.seeking) show(lastAt(line.shown, video.currentTime + 0.0005)); };
+      const follow = () => { if (!video.seeking && wanted === null) show(lastAt(line.shown, video.currentTime + 0.0005)); };
       const each = () => { follow(); if (!video.paused) requestAnimationFrame(each); };
       video.addEventListener("play", each);
-      video.addEventListener("seeked", follow);
+      video.addEventListener("seeked", () => {
+        const next = wanted;
+        wanted = null;
+        if (next === null) follow(); else video.currentTime = next;
+      });
       video.addEventListener("timeupdate", follow);
     }
     show(0);

@@ -52,13 +52,18 @@ class Resamples:
         self.draws: Array = rng.multinomial(self.units, even, times).astype(np.float64) if units else np.zeros((0, 0))
 
     def mean(self, values: ArrayLike, chosen: Any = slice(None)) -> Estimate:
-        """Return the mean of values (n,); chosen: indices or mask of which of the N values these are."""
-        given = np.asarray(values, np.float64)
+        """Return the mean of values (n,); chosen: indices or mask of which of the N values these are.
+
+        Of truth values it is a share, whose interval has a width even where all are alike.
+        """
+        asked = np.asarray(values)
+        given = asked.astype(np.float64)
 
         def means(weights: Array) -> Array:
             return _divided(weights @ given, weights.sum(axis=1))
 
-        return self.estimate(float(given.mean()) if given.size else None, chosen, means, given.size)
+        found = self.estimate(float(given.mean()) if given.size else None, chosen, means, given.size)
+        return self._share(found, chosen) if asked.dtype == np.bool_ else found
 
     def rms(self, values: ArrayLike, chosen: Any = slice(None)) -> Estimate:
         """Return the root of the mean square of values (n,)."""
@@ -86,7 +91,19 @@ class Resamples:
             return _divided(weights @ part, weights @ whole)
 
         total = float(whole.sum())
-        return self.estimate(float(part.sum()) / total if total else None, chosen, ratios, int(whole.size))
+        found = self.estimate(float(part.sum()) / total if total else None, chosen, ratios, int(whole.size))
+        return self._share(found, chosen)
+
+    def _share(self, found: Estimate, chosen: Any) -> Estimate:
+        """Return a share of none or all with an interval: no resample shows what none of the units has shown.
+
+        C. Clopper, E. Pearson, "The use of confidence or fiducial limits", 1934: (alpha / 2)^(1 / n) for all of n.
+        """
+        if found.value not in (0.0, 1.0) or found.low is None:
+            return found
+        least = float(0.025 ** (1.0 / len(np.unique(self.unit[chosen]))))
+        low, high = (0.0, 1.0 - least) if found.value == 0.0 else (least, 1.0)
+        return Estimate(found.value, low, high, found.count)
 
     def estimate(self, value: float | None, chosen: Any, statistic: Callable[[Array], Array], count: int) -> Estimate:
         """Return a value with the interval of a statistic.

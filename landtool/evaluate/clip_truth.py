@@ -146,8 +146,10 @@ class ClipTruth:
         if frame is None or not self.has_boxes:
             raise KeyError(index)
         hardly = frame.visible_fraction is not None and frame.visible_fraction < LEAST_VISIBLE
-        boxes = () if frame.box_px is None else (LabelledBox(0, *frame.box_px.tolist(), crowd=hardly),)
-        return LabelledImage(path, width, height, boxes)
+        if frame.box_px is None:
+            return LabelledImage(path, width, height, ())
+        x0, y0, x1, y1 = frame.box_px.tolist()
+        return LabelledImage(path, width, height, (LabelledBox(0, x0, y0, x1, y1, crowd=hardly),))
 
     @cached_property
     def start_ns(self) -> int | None:

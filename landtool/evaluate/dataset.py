@@ -1,4 +1,4 @@
-"""Finds what a folder holds to evaluate with: labelled pictures, recordings with truth, pictures with and without haze."""
+"""Finds what a folder holds to evaluate with: labelled pictures, recordings with truth, hazy ones and clear twins."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _HINT = "give a folder of `landtool generate`, a YOLO or COCO dataset, or record
 
 @dataclass(frozen=True)
 class Stills:
-    """Labelled pictures. names: of the classes by their ids. truth: the truth.csv of a generated dataset, pad: its TOML."""
+    """Labelled pictures. names: of the classes by their ids. truth, pad: of a generated dataset, else None."""
 
     name: str
     folder: Path
@@ -38,7 +38,7 @@ class Stills:
 
 @dataclass(frozen=True)
 class Clip:
-    """A recording with its truth, and the files beside it: calibration, pad, the drone's own poses; None where absent."""
+    """A recording with its truth, and what lies beside it: calibration, pad, the drone's own poses, or None."""
 
     name: str
     path: Path
@@ -137,7 +137,7 @@ def _in_folder(folder: Path, root: Path, split: Split, notes: list[str]) -> Iter
 
 
 def _stills(folder: Path, name: str, split: Split, notes: list[str]) -> Iterator[Stills]:
-    """Yield the labelled pictures of a folder; one of a generated dataset has them in three forms, of which one counts."""
+    """Yield the labelled pictures of a folder; where they are there as YOLO and as COCO, once."""
     if (folder / DATA_FILE).is_file():
         yield _yolo(name, read_yolo(folder / DATA_FILE), split, notes)
     elif is_yolo_folder(folder):

@@ -34,7 +34,7 @@ for (const e of document.querySelectorAll("body *")) {
   const style = getComputedStyle(e);
   const [a, b] = [light(rgba(e.namespaceURI.endsWith("svg") ? style.fill : style.color)), light(behind(e))];
   const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
-  if (ratio < 4.5) found.push([ratio.toFixed(2), e.tagName, e.className.baseVal || e.className, e.textContent.slice(0, 40)]);
+  if (ratio < 4.5) found.push([ratio.toFixed(2), e.tagName, e.textContent.slice(0, 40)]);
 }
 return [document.querySelectorAll("body *").length, getComputedStyle(document.body).backgroundColor, found];
 """

@@ -25,6 +25,7 @@ SMALLER = (
     (" -n 6000", " -n 8 --size 96x96 --split 0.5,0.5"),
     ("train --data data/data.yaml", "train --data data/data.yaml --iterations 2 --batch 2 --size 96x96 --bf16 off"),
     ("generate clip -o landing.mp4", "generate clip -o landing.mp4 --size 160x120 --fps 5"),
+    ("generate clip -o clips/landing.mp4", "generate clip -o clips/landing.mp4 --size 240x180 --fps 8 --height 3"),
 )
 # Pages whose examples run elsewhere, with what they need
 ELSEWHERE = {"extending.md": "test_extending.py", "ci.md": "test_ci.py"}

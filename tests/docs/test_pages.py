@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import fields
@@ -13,15 +14,17 @@ import cv2
 import numpy as np
 import pytest
 
-from landtool.config import DehazeCommandConfig, DetectConfig, GenerateConfig, TrackConfig
+from landtool.config import DehazeCommandConfig, DetectConfig, EvalConfig, GenerateConfig, TrackConfig
 from landtool.dehaze.config import DehazeConfig, PaperConfig
 from landtool.detect.config import DetectorConfig
 from landtool.detect.layouts import LAYOUTS
+from landtool.evaluate.record import METRIC_COLUMNS, EvalRecord, write_record
 from landtool.inspect.facts import Facts
 from landtool.io.poses import CSV_COLUMNS, STRAIGHT_DOWN, read_mount
 from landtool.io.run_record import Counts, RunRecord, StageTime
 from landtool.io.tables import TABLES
 from landtool.pad import Board, Letter, PadSpec, PadTag, QuietZone, Ring
+from landtool.run.scores import ERROR_TABLES
 from landtool.synth.clips import SCENARIOS, SIDE_FILES
 from landtool.synth.clips.recording import IMAGE_TOPIC, ODOMETRY_TOPIC, POSE_TOPIC, TF_TOPIC, TRUTH_TOPICS
 from landtool.synth.clips.tables import TRUTH_COLUMNS as CLIP_TRUTH_COLUMNS
@@ -32,6 +35,17 @@ from tests.shared import ROOT
 
 FORMATS = (DOCS / "formats.md").read_text(encoding="utf-8")
 MOST_PICTURE_BYTES = 800_000
+EVALUATION = {"metrics.csv": METRIC_COLUMNS, **{name: table.columns for name, (_, table) in ERROR_TABLES.items()}}
+UNITS = (
+    ("_per_m", "1/m"),
+    ("_px", "px"),
+    ("_m", "m"),
+    ("_ns", "ns"),
+    ("_mps", "m/s"),
+    ("_m2", "m^2"),
+    ("_deg", "deg"),
+    ("_db", "dB"),
+)
 PARTS = {"board": Board, "ring": Ring, "letter": Letter, "quiet_zone": QuietZone, "tags": PadTag}
 
 
@@ -97,7 +111,7 @@ def test_generated_parts_are_fresh(make_docs: ModuleType) -> None:
 
 def test_every_setting_is_explained(make_docs: ModuleType) -> None:
     tables = (type(TrackConfig().tags), type(TrackConfig().tracker), DetectorConfig, Domain, DehazeConfig, PaperConfig)
-    for kind in (TrackConfig, DetectConfig, GenerateConfig, DehazeCommandConfig, *tables):
+    for kind in (TrackConfig, DetectConfig, EvalConfig, GenerateConfig, DehazeCommandConfig, *tables):
         said = make_docs.field_comments(kind)
         unsaid = [f.name for f in fields(kind) if not said.get(f.name)]
         assert not unsaid, f"{kind.__name__} has no comment above {', '.join(unsaid)}"
@@ -108,17 +122,27 @@ def test_every_layout_of_networks_is_explained() -> None:
     assert [name for row in rows(text.split("\n## ")[0]) for name in row[0].split(", ")] == list(LAYOUTS)
 
 
-@pytest.mark.parametrize("name", list(TABLES))
+@pytest.mark.parametrize("name", [*TABLES, *EVALUATION])
 def test_every_column_is_explained(name: str) -> None:
     documented = rows(section(name))
-    assert [row[0] for row in documented] == list(TABLES[name].columns)
+    assert [row[0] for row in documented] == list(EVALUATION.get(name) or TABLES[name].columns)
     meaning = ""
     for column, unit, text in documented:
         # a pair or a quaternion is explained at its first column
         meaning = text or meaning
         assert meaning, column
-        for ending, wanted in (("_px", "px"), ("_m", "m"), ("_ns", "ns"), ("_mps", "m/s"), ("_m2", "m^2")):
-            assert unit == wanted or not column.endswith(ending), column
+        assert unit == next((wanted for ending, wanted in UNITS if column.endswith(ending)), unit), column
+
+
+def test_every_table_of_an_evaluation_is_explained() -> None:
+    text = FORMATS.split("## What `landtool eval` writes")[1].split("\n## ")[0]
+    assert set(re.findall(r"^### (\w+\.csv)$", text, re.MULTILINE)) == set(EVALUATION)
+
+
+def test_every_key_of_metrics_json_is_explained(tmp_path: Path) -> None:
+    write_record(tmp_path, EvalRecord("clips", "", (), {}, (), ()))
+    documented = [row[0] for row in rows(section("metrics.json"))]
+    assert documented == list(json.loads((tmp_path / "metrics.json").read_text(encoding="utf-8")))
 
 
 def test_every_column_of_the_truth_is_explained() -> None:
