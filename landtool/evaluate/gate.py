@@ -126,7 +126,7 @@ def gate_lines(result: GateResult) -> list[str]:
     if not compared:
         lines = ["gate: passed, but nothing was compared"]
     elif bad:
-        lines = [f"gate: failed, {len(bad)} of {_numbers(compared)} got worse", *_table(bad)]
+        lines = [f"gate: failed, {len(bad)} of {_numbers(compared)} got worse or are gone", *_table(bad)]
     else:
         lines = [f"gate: passed, none of {_numbers(compared)} got worse"]
     noise = result.of("noise")

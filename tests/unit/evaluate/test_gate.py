@@ -130,7 +130,7 @@ def test_the_table_of_what_got_worse() -> None:
     result = gate(kept, now, TENTH, same_data=True)
     assert not result.passed
     assert gate_lines(result) == [
-        "gate: failed, 2 of 8 numbers got worse",
+        "gate: failed, 2 of 8 numbers got worse or are gone",
         "    number  baseline  now        interval    allowed  worse by",
         "    pose.a  1         1.5        1.4 to 1.6  0.1      0.5",
         "    pose.b  1         undefined                       gone",
