@@ -30,7 +30,7 @@ lint: $(VENV)/.installed-dev ## check format, style, types and the direction of 
 	$(BIN)/lint-imports
 
 gate: $(VENV)/.installed-dev ## score every stage on datasets/fixtures against the kept baseline
-	$(BIN)/landtool eval --dataset datasets/fixtures --baseline datasets/baseline.json --tolerance datasets/tolerance.toml \
+	$(BIN)/landtool eval --dataset datasets/fixtures --split all --baseline datasets/baseline.json \
 	    -o runs/gate --overwrite
 
 docs: $(VENV)/.installed-dev ## build the pages as a site: site/index.html

@@ -131,7 +131,7 @@ def evaluate(
             same = baseline.dataset == now.dataset
             result = gate(baseline, metrics, read_tolerance(evaluation.tolerance), same_data=same)
             notes += [*baseline.notes(now), *result.notes]
-        code = FAILED if result is not None and not result.passed else LOSS if progress.failures else 0
+        code = LOSS if progress.failures or not dataset.parts else 0
         record = EvalRecord(
             dataset=str(dataset.path),
             digest=dataset.digest,
@@ -143,7 +143,7 @@ def evaluate(
             speed=tuple(spent for scored in scores for spent in scored.speed),
             notes=tuple(dict.fromkeys(notes)),
             gate=None if result is None else result.as_values(str(evaluation.baseline)),
-            exit_code=code if dataset.parts else max(code, LOSS),
+            exit_code=FAILED if result is not None and not result.passed else code,
         )
         write_record(temporary, record, tables="csv" in evaluation.save)
         if "csv" in evaluation.save:

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from landtool.dehaze.config import DehazeConfig
-from landtool.dehaze.stage import DehazeStage
+from landtool.dehaze.stage import dehazed
 from landtool.errors import InputError
 from landtool.evaluate.dataset import FogPairs
 from landtool.evaluate.dehazing import ClearChange, ScoredPair, change_levels, pair_score
 from landtool.io.images import PictureError, read_picture
-from landtool.types import Frame, Image
+from landtool.types import Image
 
 OnPicture = Callable[[], None]
 
@@ -20,7 +20,7 @@ def see_pairs(part: FogPairs, config: DehazeConfig, on_picture: OnPicture) -> It
     """Dehaze every hazy picture on its own, whatever its haze. Raises InputError for one that cannot be read."""
     for pair in part.pairs:
         hazy, clear = image_of(pair.hazy), image_of(pair.clear)
-        seen = DehazeStage(config, when="on").see(Frame(0, None, hazy))
+        seen = dehazed(hazy, config)
         try:
             score = pair_score(hazy, seen.image, clear)
         except InputError as error:
@@ -31,7 +31,7 @@ def see_pairs(part: FogPairs, config: DehazeConfig, on_picture: OnPicture) -> It
 
 def change_of_clear(part: str, file: str, image: Image, config: DehazeConfig) -> ClearChange:
     """Return what dehazing where it is needed does to a picture (H, W, 3) that is not hazy."""
-    seen = DehazeStage(config, when="auto").see(Frame(0, None, image))
+    seen = dehazed(image, config, when="auto")
     return ClearChange((part, file), change_levels(image, seen.image) if seen.dehazed else 0.0)
 
 
