@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 
 from landtool.io.tables import Cell, ReadTable
 from landtool.report.html.worst import Fault
@@ -16,7 +17,7 @@ def evaluation_faults(tables: Mapping[str, ReadTable]) -> list[Fault]:
     if poses := tables.get("pose_errors.csv"):
         found += _poses(poses)
     if boxes := tables.get("boxes.csv"):
-        found += _boxes(boxes)
+        found += _boxes(boxes, {(fault.place, fault.frame): fault.at for fault in found})
     return sorted(found, key=lambda fault: _KINDS.index(fault.kind))
 
 
@@ -41,20 +42,22 @@ def _poses(table: ReadTable) -> Iterator[Fault]:
             )
 
 
-def _boxes(table: ReadTable) -> Iterator[Fault]:
+def _boxes(table: ReadTable, times: Mapping[tuple[str, int], float]) -> Iterator[Fault]:
+    """Yield misses and false alarms; those of a clip at the frame's time, by (clip, frame)."""
     for row in _rows(table):
         frame = _whole(row["frame"])
         file = str(row["file"] or "")
         part = str(row["part"] or "")
-        place = f"{part} {file}".strip()
+        place = part if Path(file).stem == part else f"{part} {file}".strip()
+        at = times.get((place, frame), float(frame))
         score, size_px = _number(row["score"]), _number(row["size_px"])
         if row["kind"] == "false_alarm":
             words = f"false alarm: {row['label'] or 'a box'} of score {score:.2f} where there is none"
-            yield Fault("false alarm", score, words, float(frame), frame, place)
+            yield Fault("false alarm", score, words, at, frame, place)
         elif row["kind"] == "target" and not row["found"]:
             size = f" of {size_px:.0f} px" if size_px > 0.0 else ""
             words = f"missed: the detector did not find a {row['label'] or 'target'}{size}"
-            yield Fault("missed target", size_px, words, float(frame), frame, place)
+            yield Fault("missed target", size_px, words, at, frame, place)
 
 
 def _rows(table: ReadTable) -> Iterator[dict[str, Cell]]:

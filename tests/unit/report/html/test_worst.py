@@ -82,3 +82,12 @@ def test_truth_tells_misses_false_alarms_flips_and_errors(tmp_path: Path) -> Non
     words = {moment.fault.words for moment in worst(faults, apart=0.5)}
     assert "missed: the detector did not find a pad of 20 px" in words
     assert "false alarm: pad of score 0.70 where there is none" in words
+
+
+def test_a_box_of_a_clip_is_in_the_clip_at_its_time(tmp_path: Path) -> None:
+    write_error_tables(write_evaluation(tmp_path))
+    with (tmp_path / "boxes.csv").open("a", encoding="utf-8") as file:
+        file.write("shipped,straight,straight.mp4,30,target,pad,0,,,9,3,0,,\n")
+    faults = evaluation_faults(read_evaluation(tmp_path).tables)
+    (missed,) = [fault for fault in faults if fault.kind == "missed target" and fault.frame == 30]
+    assert (missed.place, missed.at) == ("straight", 1.5)
