@@ -146,7 +146,8 @@ def _without_blurred(found: Sequence[NamedView]) -> tuple[list[NamedView], list[
 
 
 def _strange(solution: Solution) -> NDArray[np.bool_]:
-    errors = solution.view_rms_px
+    """Tell which views (V,) fit worse than the others; by their medians, which single wrong corners leave alone."""
+    errors = np.array([np.median(np.linalg.norm(residual, axis=1)) for residual in solution.residuals_px])
     off: NDArray[np.bool_] = errors > max(_STRANGE * float(np.median(errors)), _LEAST_ERROR_PX)
     return off
 

@@ -21,9 +21,10 @@ _LEAST_SHARE = 0.6  # of the markers read that must fit together
 _AROUND = 4  # neighbours of a marker that say where it should be
 _STRAY = 0.3  # of their distance that they may be wrong by
 _LEAST_CONTRAST = 0.25  # of the board's median
-_CHESS_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_EXHAUSTIVE
+_CHESS_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE
 _GROWTH = 6  # rounds of looking for crossings beside the known ones
 _NEIGHBOURS = 10
+_TRIES = 2  # of a crossing, the second from nearer neighbours
 _LARGEST_SIDE_PX = 1400  # pictures are reduced to this for the search, measured as they are
 
 
@@ -80,7 +81,11 @@ def find_board(image: Image, board: Board) -> Seen:
 def find_chessboard(grey: Grey, columns: int, rows: int) -> Array | None:
     """Return the inner crossings (N, 2) of a chessboard of so many squares, row by row; None where it is not seen."""
     small, scale = reduced(grey)
-    found, corners = cv2.findChessboardCornersSB(small, (columns - 1, rows - 1), flags=_CHESS_FLAGS)
+    size = columns - 1, rows - 1
+    found, corners = cv2.findChessboardCornersSB(small, size, flags=_CHESS_FLAGS)
+    if not found and cv2.checkChessboard(small, size):
+        # finds boards that a lens bends, but takes a second where there are none
+        found, corners = cv2.findChessboardCornersSB(small, size, flags=_CHESS_FLAGS | cv2.CALIB_CB_EXHAUSTIVE)
     if not found or corners is None or len(corners) != (columns - 1) * (rows - 1):
         return None
     return (np.asarray(corners, np.float64).reshape(-1, 2) + 0.5) * scale - 0.5
@@ -205,14 +210,15 @@ def _crossings_of(board: Board, corners_m: Array, pixels: Array) -> tuple[NDArra
 def _measured(grey: Grey, board: Board, ids: NDArray[np.intp], pixels: Array) -> Seen:
     """Measure the crossings that are known roughly, and then what is beside them on the board."""
     found: list[BoardView] = []
-    tried = np.zeros(len(board.points_m), np.bool_)
+    tried = np.zeros(len(board.points_m), np.intp)
     for _ in range(_GROWTH):
         if not len(ids):
             break
-        tried[ids] = True
+        tried[ids] += 1
         axes, clear = _local_scale(board, ids, pixels, found)
         fitted = refine_crossings(grey, pixels, axes, clear)
         good = _like_the_board(board, ids, fitted)
+        tried[ids[good]] = _TRIES
         found.append(BoardView(ids[good], fitted.pixels[good], fitted.sigma_px[good], fitted.blur_px[good]))
         if board.kind == "chessboard":
             break  # all of it or nothing
@@ -255,10 +261,10 @@ def _joined(parts: list[BoardView]) -> BoardView:
     return BoardView(ids[order], pixels, sigma, blur)
 
 
-def _beside(board: Board, view: BoardView, tried: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Array]:
-    """Return crossings not yet tried that are next to measured ones, and where they should be (N, 2)."""
+def _beside(board: Board, view: BoardView, tried: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array]:
+    """Return crossings still to be tried that are next to measured ones, and where they should be (N, 2)."""
     none = np.zeros(0, np.intp), np.zeros((0, 2))
-    left = np.flatnonzero(~tried)
+    left = np.flatnonzero(tried < _TRIES)
     if len(view.ids) < LEAST_CORNERS or not len(left):
         return none
     points, known = board.points_m[:, :2], board.points_m[view.ids, :2]

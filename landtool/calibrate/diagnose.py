@@ -30,7 +30,7 @@ _APRILTAG = cv2.aruco.DICT_APRILTAG_36h11
 
 def why_not_found(board: Board, pictures: Sequence[Grey]) -> str:
     """Return what the pictures show instead of the board, or empty when they show nothing that is known."""
-    for look in (_other_size, _other_kind, _any_chessboard, _mirrored):
+    for look in (_other_layout, _mirrored, _other_kind, _other_chessboard, _any_chessboard):
         for grey in pictures:
             said = look(board, grey)
             if said:
@@ -38,28 +38,26 @@ def why_not_found(board: Board, pictures: Sequence[Grey]) -> str:
     return ""
 
 
-def _other_size(board: Board, grey: Grey) -> str:
+def _other_layout(board: Board, grey: Grey) -> str:
     if board.kind == "chessboard":
-        size = _neighbouring_size(board, grey)
-        if size is None:
-            return ""
-        columns, rows = size
-        said = f"a chessboard of {columns}x{rows} squares is seen"
-        inner = sorted(size) == sorted((board.columns + 1, board.rows + 1))
-        return (
-            f"{said}; --squares counts squares, not inner corners"
-            if inner
-            else f"{said}; say --squares {columns}x{rows}"
-        )
-    markers = _all_markers(board, grey)
-    if len(markers.ids) < _ENOUGH:
         return ""
-    other = fitting_board(board, markers)
+    markers = _all_markers(board, grey)
+    other = fitting_board(board, markers) if len(markers.ids) >= _ENOUGH else None
     if other is None:
         return ""
     if other.white_first != board.white_first and other.columns == board.columns:
         return "the markers fit a board whose first square is white, as older OpenCV drew them; say --white-first"
     return f"the markers fit a board {other.columns} wide; say --squares {other.size}"
+
+
+def _other_chessboard(board: Board, grey: Grey) -> str:
+    size = _neighbouring_size(board, grey) if board.kind == "chessboard" else None
+    if size is None:
+        return ""
+    said = f"a chessboard of {size[0]}x{size[1]} squares is seen"
+    if sorted(size) == sorted((board.columns + 1, board.rows + 1)):
+        return f"{said}; --squares counts squares, not inner corners"
+    return f"{said}; say --squares {size[0]}x{size[1]}"
 
 
 def _neighbouring_size(board: Board, grey: Grey) -> tuple[int, int] | None:
@@ -113,17 +111,20 @@ def fitting_board(board: Board, markers: Markers) -> Board | None:
 
 
 def _other_kind(board: Board, grey: Grey) -> str:
-    for bits, table in DICTIONARIES.items():
-        count = len(read_markers(grey, table, 1).ids)
-        if count >= _ENOUGH and not (board.kind == "charuco" and board.dictionary == bits):
-            if board.kind == "charuco":
-                return f"markers of {bits} bits are seen; say --dictionary {bits}"
-            return f"{count} ArUco markers of {bits} bits are seen; is it --board charuco?"
-    if board.kind != "aprilgrid" and (count := len(read_markers(grey, _APRILTAG, BORDER_MODULES).ids)) >= _ENOUGH:
-        return f"{count} tags of an AprilGrid are seen; is it --board aprilgrid?"
-    if (count := len(read_markers(grey, _APRILTAG, 1).ids)) >= _ENOUGH:
-        return f"{count} plain tag36h11 tags are seen, with one black module around them where an AprilGrid has two"
-    return ""
+    # tables of few bits are matched by chance: the one that explains most is meant
+    counts = {bits: len(read_markers(grey, table, 1).ids) for bits, table in DICTIONARIES.items()}
+    bits = max(counts, key=lambda name: counts[name])
+    grid, plain = (len(read_markers(grey, _APRILTAG, border).ids) for border in (BORDER_MODULES, 1))
+    count = max(counts[bits], grid, plain)
+    if count < _ENOUGH:
+        return ""
+    if count == grid:
+        return "" if board.kind == "aprilgrid" else f"{grid} tags of an AprilGrid are seen; is it --board aprilgrid?"
+    if count == plain:
+        return f"{plain} plain tag36h11 tags are seen, with one black module around them where an AprilGrid has two"
+    if board.kind != "charuco":
+        return f"{count} ArUco markers of {bits} bits are seen; is it --board charuco?"
+    return "" if board.dictionary == bits else f"markers of {bits} bits are seen; say --dictionary {bits}"
 
 
 def _any_chessboard(board: Board, grey: Grey) -> str:
@@ -137,8 +138,9 @@ def _any_chessboard(board: Board, grey: Grey) -> str:
 def _mirrored(board: Board, grey: Grey) -> str:
     if board.kind == "chessboard":
         return ""
-    flipped = np.ascontiguousarray(grey[:, ::-1])
-    return "the pictures are mirrored; record without" if len(_all_markers(board, flipped).ids) >= _ENOUGH else ""
+    markers = _all_markers(board, np.ascontiguousarray(grey[:, ::-1]))
+    placed = place_markers(board, markers) if len(markers.ids) >= _ENOUGH else None
+    return "" if placed is None or len(placed[0]) < _ENOUGH else "the pictures are mirrored; record without"
 
 
 def what_differs(board: Board, pictures: Sequence[Grey]) -> list[str]:

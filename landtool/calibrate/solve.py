@@ -255,7 +255,7 @@ class _Problem:
             A += wa.T @ ja
             ga += wa.T @ residual.ravel()
             B = wb.T @ by_b
-            B[np.diag_indices(6)] *= 1.0 + damping
+            B[np.diag_indices(6)] *= 1.0 + damping + 1e-9  # a view may have lost its corners
             B[np.diag_indices(6)] += 1e-12
             E = wa.T @ by_b
             g = wb.T @ residual.ravel()

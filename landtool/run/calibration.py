@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from landtool.calibrate.board import Board
-from landtool.calibrate.calibration import Calibration, NamedView, calibrate_views
+from landtool.calibrate.calibration import Calibration, NamedView, Verdict, calibrate_views
 from landtool.calibrate.corners import Grey, find_board, grey_of
 from landtool.calibrate.diagnose import what_differs, why_not_found
 from landtool.calibrate.look import FrameChoice
@@ -192,7 +192,7 @@ def _solve(request: CalibrateRequest, search: _Search) -> tuple[Calibration, lis
     calibration = calibrate_views(board, search.found, search.size, MODELS[request.model])
     differs = what_differs(board, search.with_board[:3])
     if differs:
-        verdict = "usable" if calibration.verdict == "good" else "poor"
+        verdict: Verdict = "usable" if calibration.verdict == "good" else "poor"
         calibration = replace(calibration, warnings=(*differs, *calibration.warnings), verdict=verdict)
     notes = []
     if search.other_sizes:

@@ -87,14 +87,26 @@ def _rays(camera: Camera) -> tuple[Map, Map]:
     again = camera.project(np.column_stack([flat, np.ones(len(flat))]))
     off = ~(np.abs(again - np.column_stack([x.ravel(), y.ravel()])) < 0.01).all(axis=1)
     flat[off] = 1e4
+    column, row = _samples(camera.width, camera.height)
     maps = []
     for i in (0, 1):
         plane = flat[:, i].reshape(x.shape).astype(np.float32)
-        shape = plane.shape[1] * _FINE, plane.shape[0] * _FINE
-        fine = cv2.resize(plane, shape, interpolation=cv2.INTER_CUBIC)
-        cut = edge * _FINE
-        maps.append(np.asarray(fine[cut:-cut, cut:-cut], np.float32))
+        maps.append(np.asarray(cv2.remap(plane, column + edge, row + edge, cv2.INTER_CUBIC), np.float32))
     return maps[0], maps[1]
+
+
+def _samples(width: int, height: int) -> tuple[Map, Map]:
+    """Return where in the picture the rays go, columns and rows (FINE H, FINE W).
+
+    The grid of a pixel is sheared, so that its rays lie in FINE^2 columns and as many rows: an edge along the
+    picture's own lines is then no coarser than a slanting one.
+    """
+    step = (np.arange(_FINE) + 0.5) / _FINE - 0.5
+    x = (np.arange(width)[:, None] + step).ravel()
+    y = (np.arange(height)[:, None] + step).ravel()
+    column = x[None, :] + np.tile(step / _FINE, height)[:, None]
+    row = y[:, None] + np.tile(step / _FINE, width)[None, :]
+    return column.astype(np.float32), row.astype(np.float32)
 
 
 @lru_cache(maxsize=4)

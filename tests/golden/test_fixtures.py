@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from landtool.calibrate.board import Board
+from landtool.io.calibration import read_camera
 from landtool.io.tables import read_rows
 from landtool.synth.clips import SCENARIOS
 from landtool.synth.dataset import TRUTH_COLUMNS
@@ -16,6 +18,12 @@ from tools import make_fixtures
 
 MOST_BYTES = 10_000_000
 CLIPS = {"approach": make_fixtures.APPROACH, **make_fixtures.CLIPS}
+
+BOARD_FILES = {
+    "board.camera.yaml": "275f05a0b105695f93d563335f6832b27aeed890df24c3334485b4c068c002d5",
+    "board.mp4": "5066a4e0f0a41b69e5213d29c6995947cc8c57b0165875e1e0de4170a6e6a301",
+    "board.toml": "31c74811d52a4c5e24d10eeb9eb9805d6bb17e2232430096da76d15808267377",
+}
 
 
 def manifest(path: Path) -> dict[str, object]:
@@ -54,6 +62,15 @@ def test_the_stills_are_as_they_were_written() -> None:
     assert {file for file in found if file.startswith("clear/")} == foggy
     del found["manifest.json"]
     assert said["files"] == found
+
+
+def test_the_film_of_a_board_is_as_it_was_written() -> None:
+    found = digests(FIXTURES)
+    assert {name: found[name] for name in BOARD_FILES} == BOARD_FILES
+    assert Board.read(FIXTURES / "board.toml") == make_fixtures.BOARD.board
+    truth = make_fixtures.BOARD.camera
+    # the file has the numbers' shortest texts, which read back equal
+    assert read_camera(FIXTURES / "board.camera.yaml") == truth
 
 
 def test_the_datasheet_names_every_recording() -> None:
