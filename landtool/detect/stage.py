@@ -52,7 +52,7 @@ class DetectStage:
 
     regions: look around the expected place where there is one. ring_of: the pad whose ring the boxes labelled
     PAD_LABEL are moved onto; None leaves them as they are. tone: the pictures' curve. least_score: of a box that is
-    given out, after what is seen at it has changed its score.
+    given out, after what is seen at it has changed its score. moved_from: least score of a box that is moved.
     """
 
     def __init__(
@@ -63,10 +63,12 @@ class DetectStage:
         ring_of: PadSpec | None = None,
         tone: Tone = "srgb",
         least_score: float = 0.0,
+        moved_from: float = 0.0,
     ) -> None:
         self._detector = detector
         self._search = DetectorSearch() if regions else None
-        self._ring_of, self._tone, self._least_score = ring_of, tone, least_score
+        self._ring_of, self._tone = ring_of, tone
+        self._least_score, self._moved_from = least_score, moved_from
 
     def find(self, frame: Frame, expected: Detection | None = None) -> FoundBoxes:
         """Detect in one frame. Raises InputError for a network that gives no usable output.
@@ -101,7 +103,7 @@ class DetectStage:
         pads = [index for index, box in enumerate(seen) if box.label == PAD_LABEL]
         moved = list(seen)
         on_print: list[int] = []
-        for index in pads[:MOST_RINGS]:
+        for index in [index for index in pads if seen[index].score >= self._moved_from][:MOST_RINGS]:
             sight = look_at(image, np.array(_edges(seen[index])), pad, self._tone)
             moved[index] = _moved(seen[index], sight)
             if sight.box_px is not None and not sight.is_doubtful:

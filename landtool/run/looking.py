@@ -15,6 +15,7 @@ from landtool.run.haze import dehaze_stage
 from landtool.types import Detection, Frame, FrameResult, Image, LostFrame
 
 LEAST_SCORE = 0.001  # an average precision needs the boxes nobody would act on, too
+MOVED_FROM = 0.05  # of those that are as good as nothing the ring is not looked for: it would take half of the time
 
 
 def judged(config: DetectorConfig) -> DetectorConfig:
@@ -31,7 +32,7 @@ def boxes(
     dehaze: Literal["auto", "on", "off"] | None = None,
 ) -> Iterator[tuple[Frame | LostFrame, FrameResult]]:
     """Yield each frame with its boxes; dehaze: in place of the settings' own choice."""
-    stage = DetectStage(detector, ring_of=pad if pad.ring is not None else None)
+    stage = DetectStage(detector, ring_of=pad if pad.ring is not None else None, moved_from=MOVED_FROM)
     return find(frames, detector=stage, tags=None, dehazer=dehaze_stage(dehaze or config.dehaze, config.dehazer))
 
 

@@ -75,7 +75,8 @@ def see_clip(
 
 def _of_clip(clip: Clip, config: TrackConfig, evaluation: EvalConfig) -> TrackConfig:
     """Return the settings with the files beside the clip put in; what lies beside it is its own and wins."""
-    changes: dict[str, object] = {"save": ("csv", "plot", *(("video",) if "video" in evaluation.save else ()))}
+    tables = ("csv", "plot") if "csv" in evaluation.save else ()
+    changes: dict[str, object] = {"save": (*tables, *(("video",) if "video" in evaluation.save else ()))}
     if clip.camera is not None:
         changes |= {"camera": clip.camera, "camera_name": None, "hfov_deg": None}
     if clip.pad is not None:
