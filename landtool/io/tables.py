@@ -178,10 +178,12 @@ class TableWriter:
 
 def write_table(path: Path, columns: Columns, rows: Iterable[Row], *, overwrite: bool = False) -> None:
     """Write a whole table. Raises OutputExistsError and OutputError as `atomic_path` does."""
-    with atomic_path(path, overwrite=overwrite) as temporary:
-        with temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
-            file.write(",".join(columns) + "\n")
-            file.writelines(",".join(map(format_cell, row)) + "\n" for row in rows)
+    with (
+        atomic_path(path, overwrite=overwrite) as temporary,
+        temporary.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file,
+    ):
+        file.write(",".join(columns) + "\n")
+        file.writelines(",".join(map(format_cell, row)) + "\n" for row in rows)
 
 
 @dataclass(frozen=True)
