@@ -110,6 +110,11 @@ class ClipTruth:
         return self.frames[0].index is not None
 
     @cached_property
+    def has_poses(self) -> bool:
+        """Whether it tells of a pose anywhere."""
+        return any(frame.camera_T_pad is not None or frame.world_T_pad is not None for frame in self.frames)
+
+    @cached_property
     def _rows(self) -> dict[int | None, int]:
         return {frame.index: row for row, frame in enumerate(self.frames)}
 

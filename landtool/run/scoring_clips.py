@@ -66,7 +66,8 @@ def see_clip(
     settings = _of_clip(clip, config, evaluation)
     files = read_files(settings)
     seen = SeenClip(clip.name, read_clip_truth(clip.truth))
-    if "pose" in evaluation.stages or "track" in evaluation.stages:
+    is_asked = "pose" in evaluation.stages or "track" in evaluation.stages
+    if is_asked and seen.truth.has_poses:  # of boxes alone no calibration is needed
         seen = _followed(seen, clip, settings, files, runs / clip.name, on_picture)
     if "detection" in evaluation.stages and seen.truth.has_boxes:
         seen = _looked_at(seen, clip, detector, settings, files.pad, evaluation.every, on_picture)
