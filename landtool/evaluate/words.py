@@ -49,8 +49,11 @@ HEADLINES = (
 )
 
 
-def metric_lines(metrics: Sequence[Metric]) -> list[str]:
-    """Return the main numbers of the stages that were scored, a line each; of several networks a column each."""
+def headline_rows(metrics: Sequence[Metric]) -> tuple[list[str], list[tuple[str, list[str]]]]:
+    """Return the networks' names, and of the stages that were scored each main number: its text, and a cell a network.
+
+    Without a network there is one name, the empty one.
+    """
     models = list(dict.fromkeys(m.model for m in metrics if m.model)) or [""]
     whole = {(m.key, m.model): m for m in metrics if not m.slice}
     scored = {m.stage for m in metrics}
@@ -59,16 +62,21 @@ def metric_lines(metrics: Sequence[Metric]) -> list[str]:
         found = [whole.get((headline.key, model)) or whole.get((headline.key, "")) for model in models]
         if headline.key.split(".")[0] in scored and any(m is not None for m in found):
             rows.append((headline.text, [_said(m, headline.unit) for m in found]))
+    return models, rows
+
+
+def metric_lines(metrics: Sequence[Metric]) -> list[str]:
+    """Return the main numbers of the stages that were scored, a line each; of several networks a column each."""
+    models, rows = headline_rows(metrics)
     if not rows:
         return ["nothing was scored"]
     wide = max(len(text) for text, _ in rows)
     columns = [max(len(model), *(len(cells[i]) for _, cells in rows)) for i, model in enumerate(models)]
-    head = ["  ".join(["".ljust(wide), *(m.ljust(w) for m, w in zip(models, columns, strict=True))])]
-    lines = [
-        "  ".join([text.ljust(wide), *(cell.ljust(w) for cell, w in zip(cells, columns, strict=True))])
-        for text, cells in rows
+    head = [("", models)] if len(models) > 1 else []
+    return [
+        "  ".join([text.ljust(wide), *(cell.ljust(w) for cell, w in zip(cells, columns, strict=True))]).rstrip()
+        for text, cells in head + rows
     ]
-    return [line.rstrip() for line in (head if len(models) > 1 else []) + lines]
 
 
 def _said(metric: Metric | None, unit: str) -> str:

@@ -64,7 +64,7 @@ def read_stills(path: Path, t_ns: Sequence[int], width_px: int) -> list[bytes | 
         base = time_base_of(stream)
         for wanted in sorted(set(t_ns)):
             image = _image_at(container, stream, round(wanted * 1e-9 / base))
-            found[wanted] = None if image is None else _jpeg(image, width_px)
+            found[wanted] = None if image is None else as_jpeg(image, width_px)
     return [found[wanted] for wanted in t_ns]
 
 
@@ -91,7 +91,8 @@ def _frame_at(container: InputContainer, stream: VideoStream, pts: int) -> Video
     return best
 
 
-def _jpeg(image: Image, width_px: int) -> bytes | None:
+def as_jpeg(image: Image, width_px: int) -> bytes | None:
+    """Return a picture (H, W, 3) BGR as a JPEG at most `width_px` wide, None where it cannot be encoded."""
     height, width = image.shape[:2]
     size = width_px, max(1, round(height * width_px / width))
     small = image if width <= width_px else cv2.resize(image, size, interpolation=cv2.INTER_AREA)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import base64
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from landtool.errors import LandtoolError
+from landtool.evaluate.record import metric_of
+from landtool.evaluate.words import headline_rows
+from landtool.io.images import SUFFIXES, PictureError, read_picture
+from landtool.io.video_stills import as_jpeg
 from landtool.report.html.chart import draw
 from landtool.report.html.charts_eval import clip_charts, evaluation_charts
-from landtool.report.html.film import Budget, Film, VideoMode, stills
+from landtool.report.html.film import STILL_PX, Budget, Film, VideoMode, stills
 from landtool.report.html.flight import Flight, read_flight
 from landtool.report.html.folders import Folder, clip_folders, read_run
 from landtool.report.html.judgement import judge_evaluation
@@ -39,9 +44,9 @@ def evaluation_page(evaluation: Folder, output: Path, video: VideoMode) -> Page:
         judgement=judge_evaluation(record),
         sections=tuple(section for section, _, _ in clips),
         charts=tuple(draw(chart) for chart in evaluation_charts(record, tables)),
-        tables=(*_gate(record.get("gate")), *_metrics(record)),
-        slices=tuple(_slices(record)),
-        worst=tuple(_stills(moments, clips)),
+        tables=(*_gate(record.get("gate")), _in_short(record)),
+        slices=(*_metrics(record), *_slices(record)),
+        worst=tuple(_stills(moments, clips, Path(str(dataset.get("name"))))),
         worst_note="" if moments else "Nothing to show: no miss, no false alarm and no error in the tables.",
         speed=_speed(record.get("speed") or []),
         speed_head=("stage", "mean, ms a frame", "frames", "total, s"),
@@ -63,7 +68,7 @@ def _clips(evaluation: Folder, output: Path, video: VideoMode) -> list[_Clip]:
             continue
         flight = read_flight(run)
         section, made = run_section(run, flight, key, name, output, video, budget)
-        model, clip = name.rsplit("/", 1) if "/" in name else ("", name)
+        model, clip = _model_and_clip(name, evaluation.record)
         start_ns = None if flight is None else next((t for t in flight.t_ns if t is not None), None)
         against = tuple(draw(chart) for chart in clip_charts(evaluation.tables, clip, model, start_ns))
         lines = tuple(str(line) for line in run.record["verdict"].get("lines") or ())
@@ -73,8 +78,18 @@ def _clips(evaluation: Folder, output: Path, video: VideoMode) -> list[_Clip]:
     return found
 
 
-def _stills(moments: Sequence[Moment], clips: Sequence[_Clip]) -> list[Still]:
-    """Return the worst frames; those of a clip whose video is there with their pictures, and a way to it."""
+def _model_and_clip(name: str, record: Mapping[str, Any]) -> tuple[str, str]:
+    """Split the name of a run's folder: of several models each has its own; the name of a clip may be a path."""
+    models = [str(model.get("name")) for model in record["models"]]
+    first, _, rest = name.partition("/")
+    return (first, rest) if len(models) > 1 and first in models else ("", name)
+
+
+def _stills(moments: Sequence[Moment], clips: Sequence[_Clip], data: Path) -> list[Still]:
+    """Return the worst frames; those of a clip whose video is there with their pictures, and a way to it.
+
+    data: where the dataset was; of its labelled pictures the pictures themselves are shown, if they are still there.
+    """
     wanted: dict[int, list[tuple[int, int]]] = {}
     places = [_in_clip(moment.fault, clips) for moment in moments]
     for i, place in enumerate(places):
@@ -87,7 +102,11 @@ def _stills(moments: Sequence[Moment], clips: Sequence[_Clip]) -> list[Still]:
             pictures |= dict(zip((i for i, _ in of), stills(made, [row for _, row in of]), strict=True))
     shown = []
     for i, (moment, place) in enumerate(zip(moments, places, strict=True)):
-        title = f"{moment.fault.place}, frame {moment.fault.frame}".removeprefix(", ")
+        name = moment.fault.place
+        if Path(name).suffix.lower() in SUFFIXES:  # a labelled picture
+            shown.append(Still(name, moment.words, _picture(data, name)))
+            continue
+        title = f"{name}, frame {moment.fault.frame}".removeprefix(", ")
         if place is None:
             shown.append(Still(title, moment.words))
             continue
@@ -97,6 +116,19 @@ def _stills(moments: Sequence[Moment], clips: Sequence[_Clip]) -> list[Still]:
     return shown
 
 
+def _picture(data: Path, name: str) -> str:
+    """Return a labelled picture of the dataset as a base64 JPEG, "" where it is not there or cannot be read."""
+    # a dataset that is one part has the folder's own name
+    for path in (data / name, data / name.removeprefix(f"{data.absolute().name}/")):
+        if path.is_file():
+            try:
+                jpeg = as_jpeg(read_picture(path).image, STILL_PX)
+            except PictureError:
+                return ""
+            return "" if jpeg is None else base64.b64encode(jpeg).decode("ascii")
+    return ""
+
+
 def _in_clip(fault: Fault, clips: Sequence[_Clip]) -> tuple[int, int] | None:
     """Return which clip a fault is in, and which row of its flight; None where no run of it is there."""
     for number, (section, _, flight) in enumerate(clips):
@@ -104,6 +136,12 @@ def _in_clip(fault: Fault, clips: Sequence[_Clip]) -> tuple[int, int] | None:
         if flight is not None and fault.place.strip() in names and fault.frame in flight.index:
             return number, flight.index.index(fault.frame)
     return None
+
+
+def _in_short(record: Mapping[str, Any]) -> Table:
+    """Return the numbers that are worth a line of their own, in words."""
+    models, rows = headline_rows([metric_of(row) for row in record["metrics"]])
+    return Table("In short", ("", *(model or "value" for model in models)), tuple((text, *of) for text, of in rows))
 
 
 def _gate(gate: Mapping[str, Any] | None) -> list[Table]:

@@ -110,8 +110,7 @@ def read_evaluation(path: Path) -> Folder:
 
 def clip_folders(evaluation: Path) -> list[tuple[str, Path]]:
     """Return the runs below an evaluation, by name: of a clip, or of a model and a clip."""
-    found = (evaluation / "runs").glob("*/run.json"), (evaluation / "runs").glob("*/*/run.json")
-    paths = sorted(file.parent for files in found for file in files)
+    paths = sorted(file.parent for file in (evaluation / "runs").rglob(RUN_FILE))
     return [(path.relative_to(evaluation / "runs").as_posix(), path) for path in paths]
 
 

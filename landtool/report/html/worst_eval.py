@@ -48,7 +48,7 @@ def _boxes(table: ReadTable, times: Mapping[tuple[str, int], float]) -> Iterator
         frame = _whole(row["frame"])
         file = str(row["file"] or "")
         part = str(row["part"] or "")
-        place = part if Path(file).stem == part else f"{part} {file}".strip()
+        place = part if Path(file).stem == part else f"{part}/{file}".strip("/")
         at = times.get((place, frame), float(frame))
         score, size_px = _number(row["score"]), _number(row["size_px"])
         if row["kind"] == "false_alarm":
