@@ -33,6 +33,7 @@ PARTS = {
     "speed": ("bench.speed", "frames a second of the whole of landtool track, near and far, and its stages"),
     "eval": ("bench.eval", "time of the metric code of boxes against the network's"),
     "report": ("bench.report", "time and size of the page of a run of a minute, and of ten"),
+    "calibrate": ("bench.calibrate", "cameras from rendered boards against truth, their uncertainties, corners, time"),
     "recordings": ("bench.recordings", "landtool track on the real and path-traced recordings beside the project"),
 }
 

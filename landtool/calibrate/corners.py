@@ -21,6 +21,7 @@ _LEAST_SHARE = 0.6  # of the markers read that must fit together
 _AROUND = 4  # neighbours of a marker that say where it should be
 _STRAY = 0.3  # of their distance that they may be wrong by
 _LEAST_CONTRAST = 0.25  # of the board's median
+# not exhaustive: that finds one in twenty more through a fisheye, and takes four times as long where there is none
 _CHESS_FLAGS = cv2.CALIB_CB_NORMALIZE_IMAGE
 _GROWTH = 6  # rounds of looking for crossings beside the known ones
 _NEIGHBOURS = 10
@@ -83,9 +84,6 @@ def find_chessboard(grey: Grey, columns: int, rows: int) -> Array | None:
     small, scale = reduced(grey)
     size = columns - 1, rows - 1
     found, corners = cv2.findChessboardCornersSB(small, size, flags=_CHESS_FLAGS)
-    if not found and cv2.checkChessboard(small, size):
-        # finds boards that a lens bends, but takes a second where there are none
-        found, corners = cv2.findChessboardCornersSB(small, size, flags=_CHESS_FLAGS | cv2.CALIB_CB_EXHAUSTIVE)
     if not found or corners is None or len(corners) != (columns - 1) * (rows - 1):
         return None
     return (np.asarray(corners, np.float64).reshape(-1, 2) + 0.5) * scale - 0.5

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from landtool.calibrate.board import Board
 from landtool.calibrate.corners import BoardView
+from landtool.calibrate.start import first_camera, first_pose
 from landtool.camera import COEFFICIENTS, Camera, DistortionModel
 from landtool.errors import InputError
 from landtool.geometry import Array, Pose, rotation_from_rotvec
@@ -31,8 +32,7 @@ _FLOOR_PX = 0.03  # no model of a lens and no print is better than this
 _ROUNDS = 40
 _STOP = 1e-9
 _TUKEY = 4.685
-_HFOVS_DEG = (20.0, 35.0, 50.0, 65.0, 80.0, 95.0, 110.0, 130.0)
-_DETERMINED = 3.0  # standard deviations a coefficient must be from zero to be kept
+_DETERMINED = 2.0  # standard deviations a coefficient must be from zero to be kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ def solve(
         plural = "view" if len(views) == 1 else "views"
         hint = "film the whole board from more sides, slowly and sharp"
         raise InputError(f"{len(views)} {plural} of the board, {LEAST_VIEWS} are needed", hint=hint)
-    camera = start if start is not None and start.model == model else _first_camera(board, views, size, model)
+    camera = start if start is not None and start.model == model else first_camera(board, views, size, model)
     free = np.ones(4 + COEFFICIENTS[model], np.bool_)
     solution = _Problem(board, views, free).run(camera)
     for coefficient in _dispensable(model):
@@ -106,57 +106,24 @@ def _with(like: Camera, values: Camera, distortion: tuple[float, ...]) -> Camera
     return Camera(like.width, like.height, values.fx, values.fy, values.cx, values.cy, like.model, distortion)
 
 
-def _first_camera(board: Board, views: Sequence[BoardView], size: tuple[int, int], model: DistortionModel) -> Camera:
-    """Try fields of view without distortion, and keep the one with which the boards are nearest to planes."""
-    width, height = size
-    centre = (width - 1) / 2.0, (height - 1) / 2.0
-    some = list(views)[:: max(1, len(views) // 12)]
-    best: tuple[float, Camera] | None = None
-    zeros = (0.0,) * COEFFICIENTS[model]
-    for hfov in np.radians(_HFOVS_DEG):
-        f = width / hfov if model == "equidistant" else width / 2.0 / np.tan(hfov / 2.0)
-        camera = Camera(width, height, f, f, *centre, model, zeros)
-        errors = [_view_error(board, view, camera) for view in some]
-        error = float(np.median(errors))
-        if np.isfinite(error) and (best is None or error < best[0]):
-            best = error, camera
-    if best is None:
-        raise InputError("the corners lie as no board's picture does", hint="check --board and --squares")
-    return best[1]
-
-
-def _view_error(board: Board, view: BoardView, camera: Camera) -> float:
-    pose = first_pose(board, view, camera)
-    if pose is None:
-        return np.inf
-    apart = camera.project(pose.apply(board.points_m[view.ids])) - view.pixels
-    error = np.sqrt((apart**2).sum(axis=1).mean())
-    return float(error) if np.isfinite(error) else np.inf
-
-
-def first_pose(board: Board, view: BoardView, camera: Camera) -> Pose | None:
-    """Return camera_T_board from the corners alone; None where they have none."""
-    flat = camera.normalize(view.pixels)
-    held = np.isfinite(flat).all(axis=1)
-    if held.sum() < 4:
-        return None
-    points = board.points_m[view.ids[held]]
-    middle = points.mean(axis=0)
-    try:
-        found, turns, places, _ = cv2.solvePnPGeneric(
-            points - middle, flat[held], np.eye(3), np.zeros(4), flags=cv2.SOLVEPNP_IPPE
-        )
-    except cv2.error:
-        return None
-    if not found or not (np.isfinite(turns[0]).all() and np.isfinite(places[0]).all()) or places[0][2, 0] <= 0:
-        return None
-    rotation = rotation_from_rotvec(turns[0].reshape(3))
-    return Pose(rotation, places[0].reshape(3) - rotation @ middle)
-
-
 def _floats(*arrays: Any) -> tuple[Array, Array, Array]:
     one, two, three = (np.asarray(array, np.float64) for array in arrays)
     return one, two, three
+
+
+def _widened(covariance: Array, pulls: Array) -> Array:
+    """Widen a covariance (n, n) where the views disagree by more than it says.
+
+    pulls: (n, V), what each view moves the parameters by. sum_v pull pull' V / (V - n) is their covariance when the
+    errors within a view go together, as those of a bent board or a rolling shutter do (Liang and Zeger, 1986).
+    """
+    count, views = pulls.shape
+    if views <= 2 * count:
+        return covariance
+    together = (pulls**2).sum(axis=1) * views / (views - count)
+    wider = np.sqrt(np.maximum(together / np.maximum(np.diag(covariance), 1e-300), 1.0))
+    widened: Array = covariance * np.outer(wider, wider)
+    return widened
 
 
 class _Problem:
@@ -277,11 +244,14 @@ class _Problem:
         return step_a, step_b, schur
 
     def _outcome(self, a: Array, b: Array, spread: float) -> Solution:
-        residuals, weights = [], []
+        residuals, weights, scores = [], [], []
         squares, count = 0.0, 0.0
         for pose, points, seen, sigma in zip(b, self.points, self.seen, self.sigma, strict=True):
-            residual = seen - self._project(a, pose, points)[0]
+            pixels, by_a, _ = self._project(a, pose, points)
+            residual = seen - pixels
             weight = self._weights(residual, sigma, spread)
+            # at the minimum the poses' own gradients are zero, and this is all a view pulls at the intrinsics
+            scores.append(by_a[:, self.free].T @ (np.repeat(weight / sigma**2, 2) * residual.ravel()))
             squares += float((weight * (residual**2).sum(axis=1) / sigma**2).sum())
             count += 2.0 * float(weight.sum())
             residuals.append(residual)
@@ -295,7 +265,7 @@ class _Problem:
             inverse = np.linalg.inv(schur * np.outer(d, d)) * np.outer(d, d)
         except np.linalg.LinAlgError:
             inverse = np.full(schur.shape, np.nan)
-        covariance[np.ix_(self.free, self.free)] = inverse * variance
+        covariance[np.ix_(self.free, self.free)] = _widened(inverse * variance, inverse @ np.array(scores).T)
         if not np.isfinite(covariance).all() or (np.diag(covariance) < 0).any():
             hint = "film the board tilted, and at different distances"
             raise InputError("the views do not determine the camera", hint=hint)

@@ -55,12 +55,13 @@ def _draw_into(light: Map, scene: Scene, camera: Camera, pose: Pose, box: tuple[
     # a ray (u, v, 1) meets the plane X e1 + Y e2 + t: [e1 e2 t]^-1 (u, v, 1) is (X, Y, 1) times 1 / depth
     inverse = np.linalg.inv(np.column_stack([pose.rotation[:, :2], pose.translation])).astype(np.float32)
     x, y, w = (inverse[i, 0] * u + inverse[i, 1] * v + inverse[i, 2] for i in range(3))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x, y = x / w, y / w
+    ahead = w > 0
+    w = np.where(ahead, w, np.float32(1.0))
+    x, y = x / w, y / w
     table, left, top, scale = _pattern(board)
     column, row = (x - left) * scale - 0.5, (y - top) * scale - 0.5
     outside = 255
-    column = np.where(w > 0, column, -10.0)
+    column = np.where(ahead, column, -10.0)
     looked = cv2.remap(
         table,
         column.astype(np.float32),
