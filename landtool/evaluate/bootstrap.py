@@ -32,6 +32,12 @@ class Estimate:
     high: float | None
     count: int
 
+    def scaled(self, factor: float) -> Estimate:
+        """Return it in another unit, as 1000 for flips of a thousand."""
+        values = (None if v is None else factor * v for v in (self.value, self.low, self.high))
+        value, low, high = values
+        return Estimate(value, low, high, self.count)
+
 
 UNDEFINED = Estimate(None, None, None, 0)
 

@@ -54,7 +54,7 @@ def pose_metrics(errors: Sequence[PoseError], stage: Stage = "pose") -> list[Met
             estimate = resamples.quantile(columns[source][posed], share, posed)
             yield metric(stage, name, estimate, "lower", of=of, slice=part)
         sure = chosen & trusted
-        flips = resamples.mean(1000.0 * flipped[sure], sure)
+        flips = resamples.mean(flipped[sure], sure).scaled(1000.0)
         yield metric(stage, "flips_per_1000", flips, "lower", of=int(posed.sum()), slice=part)
         for name, values in nees.items():
             told = posed & np.isfinite(values)
