@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
@@ -13,6 +13,7 @@ from landtool.evaluate.dehazing import FogPair, find_pairs
 from landtool.io.coco import read_coco
 from landtool.io.images import RECORDING_SUFFIXES, SUFFIXES
 from landtool.io.labels import LabelledImage, YoloDataset, read_yolo
+from landtool.io.local import local_path
 from landtool.io.run_record import sha256_of
 from landtool.io.yolo_folder import is_yolo_folder, read_yolo_folder
 
@@ -20,6 +21,7 @@ Split = Literal["auto", "test", "val", "train", "all"]
 SPLITS: tuple[Split, ...] = get_args(Split)
 TRUTH_END = ".truth.csv"
 DATA_FILE = "data.yaml"
+_OWN_OUTPUTS = ("run.json", "metrics.json")  # in a folder that landtool wrote: what was made of data is none
 _PREFERRED = ("test", "val", "train")  # the first that holds pictures: a network is not to be judged by what it learnt
 _HINT = "give a folder of `landtool generate`, a YOLO or COCO dataset, or recordings with their .truth.csv beside them"
 
@@ -104,25 +106,31 @@ def open_dataset(path: Path, split: Split = "auto") -> EvalDataset:
     Raises UsageError for what is not there or no dataset, InputError as the readers of its files do.
     """
     notes: list[str] = []
-    if path.is_dir():
-        parts = sorted(_in_folder(path, path, split, notes), key=lambda part: part.name)
-        return EvalDataset(path, tuple(parts), tuple(notes))
-    if not path.exists():
-        raise UsageError("does not exist", file=path, hint=_HINT)
+    if local_path(path).is_dir():
+        parts = _in_folder(path, path, split, notes, (path.resolve(),))
+        return EvalDataset(path, tuple(sorted(parts, key=lambda part: part.name)), tuple(notes))
     if path.suffix in (".yaml", ".yml"):
-        found: list[Part] = [_yolo(path.parent.name, read_yolo(path), split, notes)]
+        found: list[Part] = list(_yolo(path.absolute().parent.name, _read_yolo(path), split, notes))
     elif path.suffix == ".json":
-        coco = read_coco(path)
-        found = [Stills(path.stem, path.parent, coco.names, coco.images, None, None)]
+        found = list(_coco(path.stem, path.parent, path, notes))
     else:
-        found = list(_clips(path.parent, path.parent, notes, only=path))
-        if not found:
-            truth = path.with_suffix(TRUTH_END)
-            raise UsageError(f"has no truth beside it ({truth.name})", file=path, hint=_HINT)
+        found = [_single(path, notes)]
     return EvalDataset(path, tuple(found), tuple(notes))
 
 
-def _in_folder(folder: Path, root: Path, split: Split, notes: list[str]) -> Iterator[Part]:
+def _single(recording: Path, notes: list[str]) -> Clip:
+    """Return a recording as a part. Raises UsageError for one without truth, and for something else."""
+    if recording.name.endswith(TRUTH_END):
+        raise UsageError("is a truth", file=recording, hint="give the recording it is about, or the folder of both")
+    found = list(_clips(recording.parent, recording.parent, notes, only=recording))
+    if not found:
+        truth = f"{recording.stem}{TRUTH_END}"
+        raise UsageError(f"has no truth beside it ({truth})", file=recording, hint=_HINT)
+    return found[0]
+
+
+def _in_folder(folder: Path, root: Path, split: Split, notes: list[str], above: tuple[Path, ...]) -> Iterator[Part]:
+    """Yield what is in a folder and below it; above: the folder and those it lies in, links followed."""
     name = _name(folder, root)
     stills = list(_stills(folder, name, split, notes))
     pairs = find_pairs(folder)
@@ -132,40 +140,78 @@ def _in_folder(folder: Path, root: Path, split: Split, notes: list[str]) -> Iter
     yield from _clips(folder, root, notes)
     if not stills and not pairs:
         for inner in sorted(entry for entry in folder.iterdir() if entry.is_dir()):
-            if not inner.name.startswith("."):
-                yield from _in_folder(inner, root, split, notes)
+            place = inner.resolve()
+            own = any((inner / name).is_file() for name in _OWN_OUTPUTS)
+            if not inner.name.startswith(".") and not own and place not in above:  # a link may lead back up
+                yield from _in_folder(inner, root, split, notes, (*above, place))
 
 
 def _stills(folder: Path, name: str, split: Split, notes: list[str]) -> Iterator[Stills]:
     """Yield the labelled pictures of a folder; where they are there as YOLO and as COCO, once."""
     if (folder / DATA_FILE).is_file():
-        yield _yolo(name, read_yolo(folder / DATA_FILE), split, notes)
+        yield from _yolo(name, _read_yolo(folder / DATA_FILE), split, notes)
     elif is_yolo_folder(folder):
-        yield _yolo(name, read_yolo_folder(folder), split, notes)
+        yield from _yolo(name, read_yolo_folder(folder), split, notes)
     elif (folder / "annotations").is_dir():
-        for file in sorted((folder / "annotations").glob("*.json")):
-            if split in ("auto", "all", file.stem):
-                coco = read_coco(file)
-                yield Stills(f"{name}/{file.stem}", folder, coco.names, coco.images, None, None)
+        files = sorted((folder / "annotations").glob("*.json"))
+        splits = {_split_of(file.stem): file for file in files}
+        if len(splits) == len(files) and set(splits) <= set(_PREFERRED):
+            files = [splits[given] for given in _chosen(name, list(splits), split, notes)]
+        elif split not in ("auto", "all"):
+            notes.append(f"{name}: which split its files are is not known, all are taken")
+        for file in files:
+            yield from _coco(f"{name}/{file.stem}", folder, file, notes)
 
 
-def _yolo(name: str, dataset: YoloDataset, split: Split, notes: list[str]) -> Stills:
+def _yolo(name: str, dataset: YoloDataset, split: Split, notes: list[str]) -> Iterator[Stills]:
     filled = [given for given in dataset.splits if dataset.splits[given]]
-    if split == "all":
-        chosen = filled
-    elif split == "auto":
-        chosen = [given for given in _PREFERRED if given in filled][:1]
-        left = [given for given in filled if given not in chosen]
-        if left:
-            notes.append(f"{name}: its split {chosen[0]} was taken; {' and '.join(left)} with --split all")
-    else:
-        chosen = [given for given in filled if given == split]
-        if not chosen:
-            notes.append(f"{name}: has no split {split}, it has {', '.join(filled) or 'none'}")
+    chosen = _chosen(name, filled, split, notes)
     notes += [f"{name}: {note}" for note in dataset.notes]
     folder = dataset.file if dataset.file.is_dir() else dataset.file.parent
     images = tuple(image for given in chosen for image in dataset.read(given))
-    return Stills(name, folder, dataset.names, images, _if_there(folder / "truth.csv"), _if_there(folder / "pad.toml"))
+    beside = _if_there(folder / "truth.csv"), _if_there(folder / "pad.toml")
+    yield from _filled(Stills(name, folder, dataset.names, images, *beside), notes)
+
+
+def _read_yolo(file: Path) -> YoloDataset:
+    return read_yolo(file, needed=())
+
+
+def _coco(name: str, folder: Path, file: Path, notes: list[str]) -> Iterator[Stills]:
+    coco = read_coco(file)
+    if not coco.images:
+        notes.append(f"{name}: holds no pictures")
+    yield from _filled(Stills(name, folder, coco.names, coco.images, None, None), notes)
+
+
+def _split_of(stem: str) -> str:
+    """Return the split that the name of a COCO json tells: instances_val2017 is val."""
+    return stem.rpartition("_")[2].rstrip("0123456789")
+
+
+def _chosen(name: str, filled: Sequence[str], split: Split, notes: list[str]) -> list[str]:
+    """Return which of the splits that hold pictures are taken."""
+    if not filled:
+        notes.append(f"{name}: holds no pictures")
+    if split == "all":
+        return list(filled)
+    if split != "auto":
+        if filled and split not in filled:
+            notes.append(f"{name}: has no split {split}, it has {', '.join(filled)}")
+        return [given for given in filled if given == split]
+    chosen = [given for given in _PREFERRED if given in filled][:1]
+    left = [given for given in filled if given not in chosen]
+    if left:
+        notes.append(f"{name}: its split {chosen[0]} was taken; {' and '.join(left)} with --split all")
+    return chosen
+
+
+def _filled(part: Stills, notes: list[str]) -> Iterator[Stills]:
+    """Yield labelled pictures if there are any, and say where nothing is labelled in them."""
+    if part.images:
+        yield part
+    if part.images and not any(image.boxes for image in part.images):
+        notes.append(f"{part.name}: nothing is labelled in its pictures ({len(part.images)})")
 
 
 def _clips(folder: Path, root: Path, notes: list[str], only: Path | None = None) -> Iterator[Clip]:

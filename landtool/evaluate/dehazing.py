@@ -214,6 +214,11 @@ def _of_dataset(folder: Path) -> list[FogPair]:
             raise InputError("is no twin of a picture in images/", file=path, hint="generate the dataset again")
         name = twin.relative_to(folder).as_posix()
         found.append(FogPair(name, twin, path, fog.get(name)))
+    paired = {pair.name for pair in found}
+    for path in hazy.values() if found else ():
+        name = path.relative_to(folder).as_posix()
+        if fog.get(name, 0.0) > 0.0 and name not in paired:
+            raise InputError("has no twin in clear air", file=path, hint="generate the dataset again")
     return found
 
 

@@ -112,21 +112,24 @@ def pictures_in(folder: Path) -> list[Path]:
     return sorted(inside, key=lambda path: natural_key(path.relative_to(folder).as_posix()))
 
 
-def read_yolo(data_yaml: Path) -> YoloDataset:
+def read_yolo(data_yaml: Path, needed: Sequence[str] = ("train", "val")) -> YoloDataset:
     """Read a YOLO data.yaml and find its pictures; labels are read by `YoloDataset.read`.
 
+    needed: splits there must be.
     Raises UsageError when a file cannot be opened, InputError naming file and key for what is wrong in it.
     """
     try:
-        return _dataset(data_yaml, _parsed(data_yaml))
+        return _dataset(data_yaml, _parsed(data_yaml), needed)
     except InputError as error:
         raise InputError(error.reason, file=error.file or data_yaml, hint=error.hint or _HINT) from error
 
 
-def _dataset(file: Path, data: Mapping[str, Any]) -> YoloDataset:
-    for key in ("train", "val", "names"):
+def _dataset(file: Path, data: Mapping[str, Any], needed: Sequence[str]) -> YoloDataset:
+    for key in (*needed, "names"):
         if data.get(key) in (None, "", [], {}):
             raise InputError(f"has no '{key}'")
+    if not any(data.get(split) for split in SPLITS):
+        raise InputError(f"names no pictures: it has none of {', '.join(SPLITS)}")
     names = _names(data["names"])
     if data.get("nc", len(names)) != len(names):
         raise InputError(f"nc = {data['nc']}, but there are {len(names)} names")
