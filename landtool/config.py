@@ -271,8 +271,10 @@ def read_config(path: Path) -> dict[str, Any]:
     for table, key in _FILES:
         values = data.get(table, {}) if table else data
         value = values.get(key) if isinstance(values, dict) else None
-        if isinstance(value, str) and (path.parent / value).exists():
-            values[key] = str(path.parent / value)
+        beside = path.parent / value if isinstance(value, str) else None
+        # a baseline that is yet to be written belongs beside the file that names it
+        if beside is not None and (beside.exists() or (key == "baseline" and value and not Path(value).exists())):
+            values[key] = str(beside)
     places = data.get("backgrounds")
     if isinstance(places, list):
         here = path.parent

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, TypeVar
 
 from landtool.config import configured, read_config
 from landtool.errors import InputError, LandtoolError, UsageError
+from landtool.pad import refuse_unknown_keys
 
 Settings = TypeVar("Settings")
 
@@ -17,7 +19,13 @@ OTHER_TABLES = ("eval",)  # of one file that serves several commands, each reads
 
 def from_file(defaults: Settings, file: Path | None) -> Settings:
     """Return the settings with those of a file, if there is one, put in; what is wrong with it names the file."""
-    return _put_in(defaults, file, lambda data: {name: v for name, v in data.items() if name not in OTHER_TABLES})
+
+    def own(data: dict[str, Any]) -> dict[str, Any]:
+        known = [field.name for field in fields(defaults)]  # type: ignore[arg-type]
+        refuse_unknown_keys(data, [*known, *OTHER_TABLES])
+        return {name: value for name, value in data.items() if name not in OTHER_TABLES}
+
+    return _put_in(defaults, file, own)
 
 
 def table_of_file(defaults: Settings, file: Path | None, table: str) -> Settings:

@@ -68,7 +68,7 @@ def write_baseline(path: Path, baseline: Baseline) -> None:
     It replaces one that is there. Raises UsageError for a file that is something else, OutputError as `atomic_path`
     does, ValueError for a number that is not finite.
     """
-    _refuse_other_file(path)
+    refuse_other_file(path)
     metrics = sorted(baseline.metrics, key=lambda metric: metric.key)
     rows = [dict(zip(METRIC_COLUMNS, row, strict=True)) for row in metric_rows(metrics)]
     head = {
@@ -88,9 +88,11 @@ def read_baseline(path: Path) -> Baseline:
     """Read a baseline. Raises UsageError when it cannot be opened, InputError for a broken one and another format."""
     try:
         values = json.loads(local_file(path).read_bytes(), parse_constant=_refuse)
+    except UsageError as error:
+        hint = error.hint if path.exists() else f"{error.hint}; with --update-baseline one is made there"
+        raise UsageError(error.reason, file=path, hint=hint) from error
     except OSError as error:
-        hint = "make one with --update-baseline"
-        raise UsageError(error.strerror or "cannot be read", file=path, hint=hint) from error
+        raise UsageError(error.strerror or "cannot be read", file=path, hint="check its permissions") from error
     except (ValueError, RecursionError) as error:
         raise InputError(f"is no baseline: {error}", file=path, hint=_AGAIN) from error
     try:
@@ -99,7 +101,8 @@ def read_baseline(path: Path) -> Baseline:
         raise InputError(error.reason, file=path, hint=error.hint or _AGAIN) from error
 
 
-def _refuse_other_file(path: Path) -> None:
+def refuse_other_file(path: Path) -> None:
+    """Raise UsageError for a file that is there and no baseline."""
     if not path.is_file():
         return
     try:

@@ -2,98 +2,44 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from landtool.config import EvalConfig, TrackConfig
-from landtool.detect.detector import Detector
 from landtool.errors import LandtoolError, UsageError
 from landtool.evaluate.baseline import Baseline, read_baseline, settings_digest, write_baseline
 from landtool.evaluate.dataset import Clip, EvalDataset, FogPairs, Part, Stills, open_dataset
-from landtool.evaluate.dehazing import ScoredPair
 from landtool.evaluate.gate import GateResult, gate
-from landtool.evaluate.junit import PartOutcome, write_junit
+from landtool.evaluate.junit import write_junit
 from landtool.evaluate.record import EvalRecord, ModelRecord, PartRecord, write_record
 from landtool.evaluate.tolerance import read_tolerance
 from landtool.io.atomic import atomic_folder, refuse_input_as_output
 from landtool.io.run_record import HashedFile
 from landtool.io.source import open_source
 from landtool.io.tables import write_table
-from landtool.pad import PadSpec
 from landtool.run.detection import load_detector
+from landtool.run.eval_request import EvalRequest, files_of, refuse_impossible
 from landtool.run.looking import judged
 from landtool.run.scores import ERROR_TABLES, Scores
-from landtool.run.scoring_clips import SeenClip, see_clip
-from landtool.run.scoring_haze import see_pairs
-from landtool.run.scoring_stills import SeenStills, see_stills
+from landtool.run.scoring import Judged, Progress, looks, scored
 
 SHIPPED = "shipped"  # what the network in the package is called beside others
 MARK = "metrics.json"
 RUNS = "runs"
 FAILED, LOSS = 1, 3  # the gate is not met; a part could not be scored, or there was none
 NOTHING = "nothing to evaluate with was found: every number is undefined, 0 of 0"
-
-
-@dataclass(frozen=True)
-class EvalRequest:
-    """What is to be evaluated. models: ONNX files, none for the shipped network. junit: where to write that, too."""
-
-    evaluation: EvalConfig
-    config: TrackConfig
-    folder: Path
-    models: tuple[Path, ...] = ()
-    update_baseline: bool = False
-    junit: Path | None = None
-    overwrite: bool = False
+NOT_KEPT = "not written, as not all of the data could be scored"
 
 
 @dataclass(frozen=True)
 class EvalOutcome:
-    """What became of it. gate: None without a baseline to compare with."""
+    """What became of it. gate: None without a baseline to compare with. kept: whether the baseline was written."""
 
     folder: Path
     record: EvalRecord
     gate: GateResult | None
-
-
-@dataclass(frozen=True, eq=False)
-class _Model:
-    """A network to be judged: its name among the others, what it is set to, the loaded network and its file."""
-
-    name: str
-    config: TrackConfig
-    detector: Detector
-    file: Path
-
-
-@dataclass
-class _Progress:
-    """Tells how far it is, and remembers which parts could not be scored, and what each took."""
-
-    on_picture: Callable[[], None]
-    outcomes: dict[str, PartOutcome] = field(default_factory=dict)
-    errors: list[LandtoolError] = field(default_factory=list)
-
-    @contextmanager
-    def attempt(self, part: Part) -> Iterator[None]:
-        """Go on after an error: a part that cannot be scored costs the others nothing."""
-        began, failure = time.perf_counter(), ""
-        try:
-            yield
-        except LandtoolError as error:
-            self.errors.append(error)
-            failure = f"{part.name} was not scored: {error}"
-        before = self.outcomes.get(part.name, PartOutcome(part.name))
-        seconds = before.seconds + time.perf_counter() - began
-        self.outcomes[part.name] = PartOutcome(part.name, seconds, before.failure or failure)
-
-    @property
-    def failures(self) -> list[str]:
-        """Why parts could not be scored, a sentence each."""
-        return [outcome.failure for outcome in self.outcomes.values() if outcome.failure]
+    kept: bool = False
 
 
 def evaluate(
@@ -104,72 +50,92 @@ def evaluate(
 ) -> EvalOutcome:
     """Score every stage on every part of a dataset, and write what came out into a folder, whole or not at all.
 
-    A part that cannot be scored costs the others nothing: its reason is in the notes, and the exit code is 3; it is 1
-    when the gate is not met. Raises UsageError, InputError and OutputError as the parts do, the first part's own when
-    none could be scored, and UsageError for several models with a baseline, which is about one.
+    A part that cannot be scored costs the others nothing: its reason is in the notes, and the exit code is 3, as after
+    a recording that could not be decoded whole; it is 1 when the gate is not met. A baseline is kept of a run in which
+    all parts were scored. Raises UsageError, InputError and OutputError as `refuse_impossible` and the parts do, the
+    first part's own when none could be scored.
     """
     evaluation = request.evaluation
     if evaluation.dataset is None:
         raise UsageError("no dataset to evaluate with", hint="give it with --dataset DIR")
+    refuse_impossible(request)
     dataset = open_dataset(evaluation.dataset, evaluation.split)
-    refuse_input_as_output([dataset.path, *request.models], request.folder)
-    baseline = _baseline(request)
+    refuse_input_as_output([dataset.path, *request.models, *files_of(request)], request.folder)
+    baseline = None if request.update_baseline or evaluation.baseline is None else read_baseline(evaluation.baseline)
     models = _models(request)
-    progress = _Progress(on_picture)
+    progress = Progress(on_picture)
     counts = [PartRecord(part.name, _kind(part), _pictures(part)) for part in dataset.parts]
-    on_expect(sum(part.frames for part in counts) * len(models))
+    frames = zip(dataset.parts, counts, strict=True)
+    on_expect(sum(looks(part, count.frames, evaluation, len(models)) for part, count in frames))
     with atomic_folder(request.folder, overwrite=request.overwrite, mark=MARK) as temporary:
-        scores = _scored(dataset, models, request, temporary / RUNS, progress)
-        if progress.errors and len(progress.failures) == len(dataset.parts):
+        scores = scored(dataset, models, evaluation, request.config.dehazer, temporary / RUNS, progress)
+        if progress.in_vain:
+            _write_junit(request, progress, None)
             raise progress.errors[0]
-        metrics = [metric for scored in scores for metric in scored.metrics()]
-        notes = [*dataset.notes, *progress.failures, *(note for scored in scores for note in scored.notes())]
-        notes += [] if dataset.parts else [f"{dataset.path}: {NOTHING}"]
-        now = Baseline(dataset.digest, _settings(request), tuple(metrics)) if evaluation.baseline else None
-        result = None
-        if baseline is not None and now is not None:
-            same = baseline.dataset == now.dataset
-            result = gate(baseline, metrics, read_tolerance(evaluation.tolerance), same_data=same)
-            notes += [*baseline.notes(now), *result.notes]
-        code = LOSS if progress.failures or not dataset.parts else 0
+        metrics = tuple(m for made in scores for m in made.metrics())
+        # of one network: several have their numbers under the same names
+        now = None if evaluation.baseline is None else Baseline(dataset.digest, _settings(request), metrics)
+        result = None if baseline is None or now is None else _compared(baseline, now, evaluation)
+        is_kept = request.update_baseline and bool(progress.outcomes) and not progress.failures
+        notes = [*dataset.notes, *progress.failures, *(note for made in scores for note in made.notes())]
+        notes += [*_idle(dataset, request.config), *([] if progress.outcomes else [f"{dataset.path}: {NOTHING}"])]
+        notes += [] if baseline is None or now is None or result is None else [*baseline.notes(now), *result.notes]
+        notes += [f"{evaluation.baseline}: {NOT_KEPT}"] if request.update_baseline and not is_kept else []
         record = EvalRecord(
             dataset=str(dataset.path),
             digest=dataset.digest,
             parts=tuple(counts),
             config={"eval": asdict(evaluation), "track": asdict(request.config)},
             models=tuple(ModelRecord(model.name, HashedFile.of(model.file)) for model in models),
-            metrics=tuple(metrics),
-            curves=tuple(scored.curve() for scored in scores if "detection" in evaluation.stages),
-            speed=tuple(spent for scored in scores for spent in scored.speed),
+            metrics=metrics,
+            curves=tuple(made.curve() for made in scores if "detection" in evaluation.stages),
+            speed=tuple(spent for made in scores for spent in made.speed),
             notes=tuple(dict.fromkeys(notes)),
             gate=None if result is None else result.as_values(str(evaluation.baseline)),
-            exit_code=FAILED if result is not None and not result.passed else code,
+            exit_code=_exit_code(result, progress, scores),
         )
         write_record(temporary, record, tables="csv" in evaluation.save)
         if "csv" in evaluation.save:
             _write_errors(temporary, scores, evaluation.stages)
-    if request.update_baseline and now is not None and evaluation.baseline is not None:
+    if is_kept and now is not None and evaluation.baseline is not None:
         write_baseline(evaluation.baseline, now)
+    _write_junit(request, progress, result)
+    return EvalOutcome(request.folder, record, result, is_kept)
+
+
+def _exit_code(result: GateResult | None, progress: Progress, scores: Sequence[Scores]) -> int:
+    if result is not None and not result.passed:
+        return FAILED
+    is_lossy = progress.failures or not progress.outcomes or any(made.lossy for made in scores)
+    return LOSS if is_lossy else 0
+
+
+def _compared(baseline: Baseline, now: Baseline, evaluation: EvalConfig) -> GateResult:
+    tolerance = read_tolerance(evaluation.tolerance)
+    return gate(baseline, now.metrics, tolerance, same_data=baseline.dataset == now.dataset)
+
+
+def _write_junit(request: EvalRequest, progress: Progress, result: GateResult | None) -> None:
     if request.junit is not None:
-        write_junit(request.junit, list(progress.outcomes.values()), result, overwrite=True)
-    return EvalOutcome(request.folder, record, result)
+        write_junit(request.junit, progress.outcomes, result, overwrite=True)
 
 
-def _baseline(request: EvalRequest) -> Baseline | None:
-    """Return what is to be compared with, None where nothing is; wrong files are told before the work begins."""
-    path = request.evaluation.baseline
-    if path is not None and len(request.models) > 1:
-        raise UsageError("a baseline is about one network", hint="give --model once, or leave out --baseline")
-    read_tolerance(request.evaluation.tolerance)
-    return None if path is None or request.update_baseline else read_baseline(path)
+def _idle(dataset: EvalDataset, config: TrackConfig) -> Iterator[str]:
+    """Yield what was given and is not used, as what lies beside the parts wins over it."""
+    clips = dataset.clips
+    pads = [clip.pad for clip in clips] + [part.pad for part in dataset.stills]
+    if (config.camera is not None or config.hfov_deg is not None) and clips and all(clip.camera for clip in clips):
+        yield "the camera given was not used: every recording has a calibration beside it"
+    if (config.pad is not None or config.diameter_m is not None) and pads and all(pads):
+        yield "the pad given was not used: all the data have their own beside them"
 
 
-def _models(request: EvalRequest) -> list[_Model]:
+def _models(request: EvalRequest) -> list[Judged]:
     """Load the networks. Those of one file name are told apart by their folders."""
     files: Sequence[Path | None] = request.models or (request.config.detector.model,)
     stems = [SHIPPED if file is None else file.stem for file in files]
     names = [
-        stem if file is None or stems.count(stem) == 1 else "-".join((file.absolute().parent.name, stem))
+        stem if file is None or stems.count(stem) == 1 else "-".join((file.parent.resolve().name, stem))
         for stem, file in zip(stems, files, strict=True)
     ]
     if len(set(names)) < len(names):
@@ -177,68 +143,8 @@ def _models(request: EvalRequest) -> list[_Model]:
     models = []
     for name, file in zip(names, files, strict=True):
         config = replace(request.config, detector=replace(request.config.detector, model=file))
-        models.append(_Model(name, config, *load_detector(judged(config.detector))))
+        models.append(Judged(name, config, *load_detector(judged(config.detector))))
     return models
-
-
-def _scored(
-    dataset: EvalDataset, models: Sequence[_Model], request: EvalRequest, runs: Path, progress: _Progress
-) -> list[Scores]:
-    """Show every part to every network; what has no network in it, as dehazing by itself, is done once."""
-    pairs: list[ScoredPair] = []
-    for part in dataset.fog_pairs if "dehaze" in request.evaluation.stages else ():
-        with progress.attempt(part):
-            pairs += see_pairs(part, request.config.dehazer, progress.on_picture)
-    folders = [runs] if len(models) == 1 else [runs / model.name for model in models]
-    return [
-        _of_model(dataset, model, request.evaluation, folder, pairs, progress)
-        for model, folder in zip(models, folders, strict=True)
-    ]
-
-
-def _of_model(
-    dataset: EvalDataset,
-    model: _Model,
-    evaluation: EvalConfig,
-    runs: Path,
-    pairs: Sequence[ScoredPair],
-    progress: _Progress,
-) -> Scores:
-    # every data set counts its classes from 0: together they have one list
-    names = tuple(dict.fromkeys(name for part in dataset.stills for name in part.names)) or ("pad",)
-    stills: list[tuple[SeenStills, PadSpec]] = []
-    clips: list[SeenClip] = []
-    for part in dataset.stills:
-        with progress.attempt(part):
-            pad = _pad_of(part, model.config)
-            named = _renumbered(part, names)
-            seen = see_stills(
-                named, model.detector, model.config, pad, stages=evaluation.stages, on_picture=progress.on_picture
-            )
-            stills.append((seen, pad))
-    for clip in dataset.clips:
-        with progress.attempt(clip):
-            clips.append(see_clip(clip, model.detector, model.config, evaluation, runs, on_picture=progress.on_picture))
-    classes = model.detector.names
-    return Scores(model.name, classes, names, model.config, evaluation, tuple(stills), tuple(clips), tuple(pairs))
-
-
-def _renumbered(part: Stills, names: Sequence[str]) -> Stills:
-    """Return labelled pictures whose classes are numbered by the names of all data sets."""
-    number = [names.index(name) for name in part.names]
-    if number == list(range(len(number))):
-        return part
-    images = tuple(
-        replace(image, boxes=tuple(replace(box, class_id=number[box.class_id]) for box in image.boxes))
-        for image in part.images
-    )
-    return replace(part, images=images)
-
-
-def _pad_of(part: Stills, config: TrackConfig) -> PadSpec:
-    """Return the pad in labelled pictures: the one beside them, else the settings', else pad v1."""
-    file = part.pad or config.pad
-    return PadSpec() if file is None else PadSpec.read(file)
 
 
 def _kind(part: Part) -> str:

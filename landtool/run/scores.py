@@ -141,9 +141,15 @@ class Scores:
     def notes(self) -> list[str]:
         """Return what makes the numbers less than they seem."""
         said = class_notes(self.pictures, self.names, self.classes or self.names)
+        said += [note for seen, _ in self.stills for note in seen.notes]
         for clip in self.clips:
             said += [*clip.notes, *clip.truth.missing]
         return said
+
+    @property
+    def lossy(self) -> bool:
+        """Whether recordings were not decoded whole."""
+        return any(clip.lossy for clip in self.clips)
 
 
 def _detection(scores: Scores) -> list[Metric]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +35,7 @@ class SeenStills:
 
     pictures: all of them with their boxes. hazy: those in fog, once more without a look through it. clear: of those
     known to be clear, what dehazing changes. poses: of those whose truth is known, their names, what was measured in
-    them and what is true. looked: the network's own results.
+    them and what is true. looked: the network's own results. notes: what is missing.
     """
 
     pictures: tuple[ScoredPicture, ...]
@@ -43,6 +43,7 @@ class SeenStills:
     clear: tuple[ClearChange, ...]
     poses: tuple[tuple[str, FrameResult, TruePad], ...]
     looked: tuple[FrameResult, ...]
+    notes: tuple[str, ...] = ()
 
 
 def see_stills(
@@ -73,7 +74,13 @@ def see_stills(
             name = f"{part.name}/{_name(image, part.folder)}"
             poses.append((name, _measured(frame, true.camera, remembered, config, pad), true))
         on_picture()
-    return SeenStills(tuple(pictures), tuple(hazy), tuple(clear), tuple(poses), tuple(looked))
+    notes = _untold(part, truths)
+    return SeenStills(tuple(pictures), tuple(hazy), tuple(clear), tuple(poses), tuple(looked), notes)
+
+
+def _untold(part: Stills, truths: Mapping[str, StillTruth]) -> tuple[str, ...]:
+    count = sum(_name(image, part.folder) not in truths for image in part.images)
+    return (f"{part.name}: pictures that truth.csv does not tell of: {count}",) if part.truth and count else ()
 
 
 def _frames(part: Stills) -> Iterator[tuple[LabelledImage, Frame]]:

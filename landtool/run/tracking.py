@@ -79,14 +79,9 @@ def read_files(config: TrackConfig) -> RunFiles:
     """
     ego = Path(config.ego) if config.ego and Path(config.ego).exists() else None
     paths = tuple(local_file(path) for path in (config.camera, config.pad, config.mount, ego) if path is not None)
-    pad = PadSpec.read(config.pad) if config.pad else PadSpec()
+    pad = pad_of(config)
     if not pad.tags:
         raise UsageError("the pad has no tag to read", file=config.pad, hint="add [[tags]] to it")
-    pad = pad if config.diameter_m is None else pad.scaled(config.diameter_m)
-    low, high = BOUNDS["diameter_m"]
-    if not low <= pad.diameter_m <= high:
-        hint = f"it is in metres, {low:g} to {high:g}"
-        raise InputError(f"diameter_m = {pad.diameter_m:g} is impossible", file=config.pad, hint=hint)
     return RunFiles(
         paths,
         read_camera(config.camera, config.camera_name) if config.camera else None,
@@ -95,6 +90,20 @@ def read_files(config: TrackConfig) -> RunFiles:
         EgoTrajectory(read_ego(ego)) if ego else None,
         *((None, None) if pad.ring is None else load_detector(config.detector)),
     )
+
+
+def pad_of(config: TrackConfig) -> PadSpec:
+    """Return the pad that settings name, pad v1 where they name none.
+
+    Raises UsageError and InputError as its reader does, InputError for an impossible size.
+    """
+    pad = PadSpec.read(config.pad) if config.pad else PadSpec()
+    pad = pad if config.diameter_m is None else pad.scaled(config.diameter_m)
+    low, high = BOUNDS["diameter_m"]
+    if not low <= pad.diameter_m <= high:
+        hint = f"it is in metres, {low:g} to {high:g}"
+        raise InputError(f"diameter_m = {pad.diameter_m:g} is impossible", file=config.pad, hint=hint)
+    return pad
 
 
 def track(

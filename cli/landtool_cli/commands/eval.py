@@ -13,7 +13,8 @@ from landtool.errors import UsageError
 from landtool.evaluate.dataset import SPLITS
 from landtool.evaluate.gate import gate_lines
 from landtool.evaluate.words import metric_lines
-from landtool.run.evaluation import EvalOutcome, EvalRequest, evaluate
+from landtool.run.eval_request import EvalRequest
+from landtool.run.evaluation import EvalOutcome, evaluate
 from landtool_cli import options
 from landtool_cli.console import Console, pass_console
 from landtool_cli.settings import from_file, table_of_file, with_options
@@ -45,6 +46,7 @@ SCORE = options.FiniteRange(*DETECTOR_BOUNDS["conf"])
 @click.option("--conf", "detector__conf", type=SCORE, metavar="S", help="Least score of a box.  [default: 0.25]")
 @click.option("--alarm-conf", type=SCORE, metavar="S", help="Least score of a false alarm.  [default: 0.5]")
 @options.camera
+@click.option("--scale-intrinsics/--no-scale-intrinsics", default=None, help="Accept a calibration of another size.")
 @options.pad
 @options.dehaze
 @click.option("--baseline", type=options.PATH, metavar="FILE", help="Kept numbers: exit 1 when one has become worse.")
@@ -88,16 +90,15 @@ def _request(
     overwrite: bool,
 ) -> EvalRequest:
     """Return what is asked for: the evaluation's own options, all others are those of `landtool track`."""
+    settings = from_file(TrackConfig(), config)  # before [eval]: it knows the names of all tables
     own = {name: flags.pop(name) for name in list(flags) if name in EvalConfig.__dataclass_fields__}
     flags["hfov_deg"] = flags.pop("hfov")
     evaluation = with_options(table_of_file(EvalConfig(), config, "eval"), own)
     if evaluation.dataset is None:
         raise UsageError("no dataset to evaluate with", hint="give it with --dataset DIR")
-    if update_baseline and evaluation.baseline is None:
-        raise UsageError("no baseline to update", hint="say where it is with --baseline FILE")
     return EvalRequest(
         evaluation,
-        with_options(from_file(TrackConfig(), config), flags),
+        with_options(settings, flags),
         output or Path("runs/eval"),
         models,
         update_baseline=update_baseline,
@@ -113,7 +114,7 @@ def _tell(console: Console, request: EvalRequest, outcome: EvalOutcome) -> None:
     if outcome.gate is not None:
         for line in gate_lines(outcome.gate):
             console.result(line)
-    if request.update_baseline:
+    if outcome.kept:
         console.result(f"baseline: {request.evaluation.baseline}")
     for note in outcome.record.notes:
         console.warning(note)
