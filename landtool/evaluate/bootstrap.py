@@ -92,13 +92,15 @@ class Resamples:
     def ratio(self, parts: ArrayLike, wholes: ArrayLike, chosen: Any = slice(None)) -> Estimate:
         """Return sum(parts) / sum(wholes) of n values each, undefined where the wholes are nothing."""
         part, whole = np.asarray(parts, np.float64), np.asarray(wholes, np.float64)
+        told = whole > 0.0  # a unit that has nothing of the whole says nothing, and makes no interval narrower
+        some = np.arange(len(self.unit))[chosen][told]
 
         def ratios(weights: Array) -> Array:
-            return _divided(weights @ part, weights @ whole)
+            return _divided(weights @ part[told], weights @ whole[told])
 
         total = float(whole.sum())
-        found = self.estimate(float(part.sum()) / total if total else None, chosen, ratios, int(whole.size))
-        return self._share(found, chosen)
+        found = self.estimate(float(part.sum()) / total if total else None, some, ratios, int(whole.size))
+        return self._share(found, some)
 
     def _share(self, found: Estimate, chosen: Any) -> Estimate:
         """Return a share of none or all with an interval: no resample shows what none of the units has shown.
