@@ -15,12 +15,15 @@ from landtool.io.local import local_file
 
 @dataclass(frozen=True)
 class EvalRequest:
-    """What is to be evaluated. models: ONNX files, none for the shipped network. junit: where to write that, too."""
+    """What is to be evaluated. junit: where to write that, too.
+
+    models: ONNX files, None for the network in the package; without any the settings' own.
+    """
 
     evaluation: EvalConfig
     config: TrackConfig
     folder: Path
-    models: tuple[Path, ...] = ()
+    models: tuple[Path | None, ...] = ()
     update_baseline: bool = False
     junit: Path | None = None
     overwrite: bool = False
@@ -29,7 +32,7 @@ class EvalRequest:
 def files_of(request: EvalRequest) -> list[Path]:
     """Return the other files that are asked for by name and read, none of which an output may replace."""
     evaluation, config = request.evaluation, request.config
-    named = config.camera, config.pad, config.mount, evaluation.baseline, evaluation.tolerance
+    named = config.camera, config.pad, config.mount, evaluation.baseline, evaluation.tolerance, *request.models
     return [path for path in named if path is not None]
 
 

@@ -60,7 +60,7 @@ def evaluate(
         raise UsageError("no dataset to evaluate with", hint="give it with --dataset DIR")
     refuse_impossible(request)
     dataset = open_dataset(evaluation.dataset, evaluation.split)
-    refuse_input_as_output([dataset.path, *request.models, *files_of(request)], request.folder)
+    refuse_input_as_output([dataset.path, *files_of(request)], request.folder)
     baseline = None if request.update_baseline or evaluation.baseline is None else read_baseline(evaluation.baseline)
     models = _models(request)
     progress = Progress(on_picture)

@@ -14,7 +14,7 @@ from landtool.evaluate.dataset import SPLITS
 from landtool.evaluate.gate import gate_lines
 from landtool.evaluate.words import metric_lines
 from landtool.run.eval_request import EvalRequest
-from landtool.run.evaluation import EvalOutcome, evaluate
+from landtool.run.evaluation import SHIPPED, EvalOutcome, evaluate
 from landtool_cli import options
 from landtool_cli.console import Console, pass_console
 from landtool_cli.settings import from_file, table_of_file, with_options
@@ -37,7 +37,7 @@ SCORE = options.FiniteRange(*DETECTOR_BOUNDS["conf"])
     type=options.PATH,
     metavar="FILE",
     multiple=True,
-    help="An ONNX network; given several times they are compared side by side.  [default: the shipped one]",
+    help="An ONNX network, `shipped` for the one in the package; several are compared side by side.  [default: shipped]",
 )
 @click.option("--split", type=click.Choice(SPLITS), help="Which labelled pictures.  [default: auto, test before val]")
 @click.option("--stages", metavar="LIST", help=f"What to score, of {', '.join(EVAL_STAGES)}.  [default: all]")
@@ -100,7 +100,7 @@ def _request(
         evaluation,
         with_options(settings, flags),
         output or Path("runs/eval"),
-        models,
+        tuple(None if path == Path(SHIPPED) and not path.exists() else path for path in models),
         update_baseline=update_baseline,
         junit=junit,
         overwrite=overwrite,
