@@ -37,7 +37,7 @@ SCORE = options.FiniteRange(*DETECTOR_BOUNDS["conf"])
     type=options.PATH,
     metavar="FILE",
     multiple=True,
-    help="An ONNX network, `shipped` for the one in the package; several are compared side by side.  [default: shipped]",
+    help="An ONNX network, `shipped` is the one in the package; several stand side by side.  [default: shipped]",
 )
 @click.option("--split", type=click.Choice(SPLITS), help="Which labelled pictures.  [default: auto, test before val]")
 @click.option("--stages", metavar="LIST", help=f"What to score, of {', '.join(EVAL_STAGES)}.  [default: all]")
