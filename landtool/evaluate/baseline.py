@@ -44,9 +44,16 @@ class Baseline:
             notes.append(f"the baseline is of landtool {self.version}, this is {other.version}")
         if self.dataset != other.dataset:
             notes.append("the baseline is of other data: a number is worse only where its interval says so, too")
+        gone = [f"{clip} is in the baseline and was not scored" for clip in self._clips() if clip not in other._clips()]
+        notes += gone
         if self.settings != other.settings:
             notes.append("the baseline was made with other settings")
         return notes
+
+    def _clips(self) -> list[str]:
+        """Return the names of the clips that numbers are about."""
+        parts = [metric.slice.partition("clip=") for metric in self.metrics]
+        return list(dict.fromkeys(name for before, found, name in parts if found and not before))
 
 
 def by_key(metrics: Sequence[Metric]) -> dict[str, Metric]:
@@ -89,7 +96,7 @@ def read_baseline(path: Path) -> Baseline:
     try:
         values = json.loads(local_file(path).read_bytes(), parse_constant=_refuse)
     except UsageError as error:
-        hint = error.hint if path.exists() else f"{error.hint}; with --update-baseline one is made there"
+        hint = error.hint if path.exists() else f"{_meant(error.hint)}make one with --update-baseline"
         raise UsageError(error.reason, file=path, hint=hint) from error
     except OSError as error:
         raise UsageError(error.strerror or "cannot be read", file=path, hint="check its permissions") from error
@@ -112,6 +119,11 @@ def refuse_other_file(path: Path) -> None:
     if not isinstance(values, dict) or not {"format_version", "metrics", "settings"} <= values.keys():
         hint = "choose another name, or remove it"
         raise UsageError("is no baseline, and would be replaced by one", file=path, hint=hint)
+
+
+def _meant(hint: str) -> str:
+    """Return the name that was perhaps meant, to put before what else to do."""
+    return f"{hint} Else " if hint.endswith("?") else ""
 
 
 def _refuse(name: str) -> float:

@@ -68,8 +68,8 @@ class Resamples:
         def means(weights: Array) -> Array:
             return _divided(weights @ given, weights.sum(axis=1))
 
-        found = self.estimate(float(given.mean()) if given.size else None, chosen, means, given.size)
-        return self._share(found, chosen) if asked.dtype == np.bool_ else found
+        value = float(given.mean()) if given.size else None
+        return self.estimate(value, chosen, means, given.size, is_share=asked.dtype == np.bool_)
 
     def rms(self, values: ArrayLike, chosen: Any = slice(None)) -> Estimate:
         """Return the root of the mean square of values (n,)."""
@@ -99,36 +99,40 @@ class Resamples:
             return _divided(weights @ part[told], weights @ whole[told])
 
         total = float(whole.sum())
-        found = self.estimate(float(part.sum()) / total if total else None, some, ratios, int(whole.size))
-        return self._share(found, some)
+        value = float(part.sum()) / total if total else None
+        return self.estimate(value, some, ratios, int(whole.size), is_share=True)
 
-    def _share(self, found: Estimate, chosen: Any) -> Estimate:
-        """Return a share of none or all with an interval: no resample shows what none of the units has shown.
-
-        C. Clopper, E. Pearson, "The use of confidence or fiducial limits", 1934: (alpha / 2)^(1 / n) for all of n.
-        """
-        if found.value not in (0.0, 1.0) or found.low is None:
-            return found
-        least = float(0.025 ** (1.0 / len(np.unique(self.unit[chosen]))))
-        low, high = (0.0, 1.0 - least) if found.value == 0.0 else (least, 1.0)
-        return Estimate(found.value, low, high, found.count)
-
-    def estimate(self, value: float | None, chosen: Any, statistic: Callable[[Array], Array], count: int) -> Estimate:
-        """Return a value with the interval of a statistic.
+    def estimate(
+        self,
+        value: float | None,
+        chosen: Any,
+        statistic: Callable[[Array], Array],
+        count: int,
+        *,
+        is_share: bool = False,
+    ) -> Estimate:
+        """Return a value with the interval of a statistic; none where all resamples say the same.
 
         statistic: from weights (R, n) of the chosen values to R numbers, NaN where a resample holds none of them.
+        is_share: 0 and 1 are none and all of the units, and no resample shows what none of them has shown; the
+        interval's other end is then the exact one.
         """
         if value is None:
             return UNDEFINED
         unit = self.unit[chosen]
-        if len(np.unique(unit)) < FEWEST_UNITS:
+        units = len(np.unique(unit))
+        if units < FEWEST_UNITS:
             return Estimate(value, None, None, count)
+        if is_share and value in (0.0, 1.0):
+            # C. Clopper, E. Pearson, "The use of confidence or fiducial limits", 1934: (alpha / 2)^(1 / n) for all of n
+            least = float(0.025 ** (1.0 / units))
+            return Estimate(value, *((0.0, 1.0 - least) if value == 0.0 else (least, 1.0)), count)
         drawn = statistic(self.draws[:, unit])
         drawn = drawn[np.isfinite(drawn)]
         if not drawn.size:
             return Estimate(value, None, None, count)
         low, high = (float(v) for v in np.percentile(drawn, TAILS))
-        return Estimate(value, low, high, count)
+        return Estimate(value, low, high, count) if low < high else Estimate(value, None, None, count)
 
 
 def _root(value: float | None) -> float | None:

@@ -177,7 +177,7 @@ class _Scores:
         if not count[0]:
             return UNDEFINED
         targets = int(self.precision.targets[:, inside].sum())
-        return self.resamples.estimate(float(means[0]), inside, lambda _: means[1:], targets)
+        return self.resamples.estimate(float(means[0]), inside, lambda _: means[1:], targets, is_share=True)
 
     def _precision(self, conf: float) -> Metric:
         matches, level = self.matches, self.level

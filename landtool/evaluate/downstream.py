@@ -77,13 +77,13 @@ def _compared(resamples: Resamples, name: str, off: _Statistic, auto: _Statistic
         difference: Array = auto(weights) - off(weights)
         return difference
 
-    yield metric("dehaze", f"{name}_off", _estimate(resamples, off, targets), "neither")
-    yield metric("dehaze", f"{name}_auto", _estimate(resamples, auto, targets), "higher")
+    yield metric("dehaze", f"{name}_off", _estimate(resamples, off, targets, is_share=True), "neither")
+    yield metric("dehaze", f"{name}_auto", _estimate(resamples, auto, targets, is_share=True), "higher")
     yield metric("dehaze", f"{name}_gain", _estimate(resamples, gain, targets), "higher")
 
 
-def _estimate(resamples: Resamples, statistic: _Statistic, targets: int) -> Estimate:
+def _estimate(resamples: Resamples, statistic: _Statistic, targets: int, *, is_share: bool = False) -> Estimate:
     if not targets:
         return UNDEFINED
     as_they_are = np.ones((1, len(resamples.unit)))
-    return resamples.estimate(float(statistic(as_they_are)[0]), slice(None), statistic, targets)
+    return resamples.estimate(float(statistic(as_they_are)[0]), slice(None), statistic, targets, is_share=is_share)

@@ -46,8 +46,13 @@ class GateResult:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing got worse and nothing is gone."""
-        return not self.of(*FAILS)
+        """Whether something was compared, nothing got worse and nothing is gone."""
+        return self.compared > 0 and not self.of(*FAILS)
+
+    @property
+    def compared(self) -> int:
+        """How many numbers the baseline has; what was undefined and is so still is none."""
+        return sum(row.baseline is not None for row in self.rows)
 
     def of(self, *verdicts: Verdict) -> tuple[GateRow, ...]:
         """Return the rows of some verdicts."""
@@ -122,9 +127,9 @@ def _off(value: float, expected: float, other: float) -> float:
 
 def gate_lines(result: GateResult) -> list[str]:
     """Return what became of a comparison as people read it: a table of what got worse, the rest in a line each."""
-    bad, compared = result.of(*FAILS), len(result.rows)
+    bad, compared = result.of(*FAILS), result.compared
     if not compared:
-        lines = ["gate: passed, but nothing was compared"]
+        lines = ["gate: failed, nothing was compared: the baseline has none of the numbers"]
     elif bad:
         lines = [f"gate: failed, {len(bad)} of {_numbers(compared)} got worse or are gone", *_table(bad)]
     else:

@@ -48,21 +48,38 @@ HEADLINES = (
     Headline("speed.detect_ms", "speed: one look of the network", "ms"),
 )
 
+# What a stage is called where nothing of it could be told
+_STAGES = {
+    "detection": "boxes",
+    "tags": "tags",
+    "pose": "poses",
+    "still_pose": "single pictures",
+    "track": "track and prediction",
+    "dehaze": "dehazing",
+    "time": "clock",
+    "speed": "speed",
+}
+
 
 def headline_rows(metrics: Sequence[Metric]) -> tuple[list[str], list[tuple[str, list[str]]]]:
     """Return the networks' names, and of the stages that were scored each main number: its text, and a cell a network.
 
-    Without a network there is one name, the empty one.
+    Without a network there is one name, the empty one. A stage of which nothing could be told has one row.
     """
     models = list(dict.fromkeys(m.model for m in metrics if m.model)) or [""]
     whole = {(m.key, m.model): m for m in metrics if not m.slice}
     scored = {m.stage for m in metrics}
-    rows = []
+    rows: dict[str, list[str]] = {}
     for headline in HEADLINES:
+        stage = headline.key.partition(".")[0]
         found = [whole.get((headline.key, model)) or whole.get((headline.key, "")) for model in models]
-        if headline.key.split(".")[0] in scored and any(m is not None for m in found):
-            rows.append((headline.text, [_said(m, headline.unit) for m in found]))
-    return models, rows
+        if stage not in scored or all(m is None for m in found):
+            continue
+        if not any(m.value is not None for m in metrics if m.stage == stage):
+            rows[_STAGES[stage]] = ["undefined, 0 of 0"] * len(models)
+        else:
+            rows[headline.text] = [_said(m, headline.unit) for m in found]
+    return models, list(rows.items())
 
 
 def metric_lines(metrics: Sequence[Metric]) -> list[str]:
