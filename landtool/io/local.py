@@ -8,6 +8,9 @@ from pathlib import Path
 
 from landtool.errors import UsageError
 
+_NEAR = 0.65  # of difflib's likeness: one letter of three may be wrong, two of four are another name
+_SPELLING = 0.8
+
 
 def local_path(path: Path | str) -> Path:
     """Return the path of an existing plain file or folder.
@@ -44,14 +47,23 @@ def local_file(path: Path | str) -> Path:
 
 
 def nearest(path: Path) -> str:
-    """Return a hint for a path that is not there: the most similar name beside it, else where to look."""
+    """Return a hint for a path that is not there: a name beside it that is nearly the same, else where to look."""
     folder = path.parent
     if not folder.is_dir():
         return f"there is no folder {folder}"
     try:
-        # compared without their suffixes, which make all names of a kind alike
-        names = {entry.stem: entry.name for entry in folder.iterdir() if entry.name != path.name}
+        entries = sorted(entry for entry in folder.iterdir() if _same_kind(path, entry))
     except OSError:
         return f"check the permissions of {folder}"
-    close = difflib.get_close_matches(path.stem, names, n=1, cutoff=0.5)
+    # compared without their suffixes, which make all names of a kind alike
+    names = {entry.stem: entry.name for entry in entries if entry.name != path.name}
+    close = difflib.get_close_matches(path.stem, names, n=1, cutoff=_NEAR)
     return f"did you mean {folder / names[close[0]]}?" if close else f"check the names in {folder}"
+
+
+def _same_kind(missing: Path, there: Path) -> bool:
+    """Whether an ending is the same or spelt otherwise, as .yml for .yaml; one left out is that of the same name."""
+    if not missing.suffix and there.suffix:
+        return missing.name == there.stem
+    ends = missing.suffix.lower(), there.suffix.lower()
+    return ends[0] == ends[1] or difflib.SequenceMatcher(None, *ends).ratio() >= _SPELLING

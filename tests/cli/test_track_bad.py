@@ -197,7 +197,7 @@ BAD: dict[str, tuple[Make, str, int, str]] = {
     ),
     "unknown output": (nothing, f"clip.mp4 {CAM} --save vidoe", 2, "unknown output 'vidoe'; known: video, csv"),
     "family not read": (nothing, f"clip.mp4 {CAM} --family tag25h9", 2, "--family is read only with --tags all; "),
-    "no own poses": (nothing, f"clip.mp4 {CAM} --ego clop.csv", 2, "clop.csv: does not exist; did you mean clip.mp4?"),
+    "no own poses": (nothing, f"clip.mp4 {CAM} --ego clop.csv", 2, "clop.csv: does not exist; check the names in ."),
     "output exists": (taken, f"clip.mp4 {CAM}", 2, "out/clip: exists already; choose another -o or pass --overwrite"),
     "output not ours": (taken, f"clip.mp4 {CAM} --overwrite", 2, "out/clip: holds files landtool did not write; "),
     "output is the input": (

@@ -79,6 +79,22 @@ def test_two_of_one_key_are_refused() -> None:
         Baseline("da", "5e", (made("pose.place_m", 1.0), made("pose.place_m", 2.0)))
 
 
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("none.json", "make one with --update-baseline"),
+        ("no/folder.json", "make one with --update-baseline"),
+        ("basline.json", "did you mean {}? Else make one with --update-baseline"),
+    ],
+)
+def test_a_missing_one_can_be_made(name: str, hint: str, tmp_path: Path) -> None:
+    (tmp_path / "new.json").touch()
+    (tmp_path / "baseline.json").touch()
+    with pytest.raises(UsageError, match="does not exist") as caught:
+        read_baseline(tmp_path / name)
+    assert caught.value.hint == hint.format(tmp_path / "baseline.json")
+
+
 class TestBroken:
     @pytest.mark.parametrize(
         ("content", "said"),
@@ -135,3 +151,10 @@ class TestBroken:
             read_baseline(tmp_path / "baseline.json")
         with pytest.raises(UsageError, match="is a folder"):
             read_baseline(tmp_path)
+
+
+def test_a_clip_that_is_gone_is_named() -> None:
+    kept = Baseline("a", "", (made("time.rate_ppm:clip=one", 0.0), made("time.rate_ppm:clip=two", 0.0)))
+    now = Baseline("b", "", (made("time.rate_ppm:clip=two", 0.0),))
+    assert [note for note in kept.notes(now) if "one" in note] == ["one is in the baseline and was not scored"]
+    assert not any("two" in note for note in kept.notes(now))
