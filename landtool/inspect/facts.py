@@ -22,7 +22,8 @@ Watch = Callable[[Iterable[Frame | LostFrame], int | None], Iterable[Frame | Los
 class Request:
     """What is known besides the input. size: width and height in pixels that hfov_deg is for, when it is no recording.
 
-    camera, camera_name, hfov_deg, topic, fps as `landtool track` takes them. pad: the target ranges are told for.
+    camera, camera_name, hfov_deg, topic, fps as `landtool track` takes them. pad: the target ranges are told for;
+    pad_file: where it was read, None for the default.
     scan: decode every picture. watch: passes the frames of a scan on, given their declared number.
     """
 
@@ -33,6 +34,7 @@ class Request:
     topic: str | None = None
     fps: float | None = None
     pad: PadSpec = field(default_factory=PadSpec)
+    pad_file: Path | None = None
     scan: bool = False
     watch: Watch = lambda frames, _total: frames
 

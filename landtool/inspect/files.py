@@ -7,7 +7,7 @@ import re
 import shlex
 import tomllib
 from collections.abc import Callable
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from landtool.inspect.advice import Need, TrackAdvice, tag_range, track_command
 from landtool.inspect.clock import measure_clock
 from landtool.inspect.facts import Calibration, CameraFacts, Ego, Facts, Kind, Mount, Pad, PadTagFacts, Request
 from landtool.inspect.facts import Settings as SettingsFacts
+from landtool.inspect.recordings import given_options
 from landtool.io.calibration import read_camera, read_cameras
 from landtool.io.poses import CSV_COLUMNS, read_ego, read_mount
 from landtool.io.tables import TABLES
@@ -29,6 +30,8 @@ from landtool.pad import PadSpec
 MAX_BYTES = 1_000_000  # of what is looked at to tell the kind
 _KINDS_HINT = "give a video, folder of images, MCAP log, calibration, pad, mount, poses (CSV, TUM) or settings file"
 _RECORDING = "RECORDING"
+_TRUTH_COLUMNS = ("camera_T_pad_", "world_T_pad_", "world_T_body_")  # beginnings of their names
+_REPLACED = {"--camera": ("--camera", "--hfov")}  # beginnings of the options that a file given as this one excludes
 _CAMERA = Need("--camera CAM.yaml", "the recording's calibration, if it is no log that holds it")
 
 _CALIBRATION = re.compile(
@@ -72,29 +75,42 @@ def unknown_text(path: Path, text: str) -> InputError:
         if columns == list(table.columns):
             hint = "give the recording it was made from"
             return InputError(f"is a table landtool wrote ({name})", file=path, hint=hint)
+    if any(name.startswith(_TRUTH_COLUMNS) for name in columns):
+        hint = "give the recording it is about, or the folder of both to `landtool eval --dataset`"
+        return InputError("is the truth of a recording", file=path, hint=hint)
     return InputError("is text, and none of the files landtool reads", file=path, hint=_KINDS_HINT)
 
 
 def _facts(
-    path: Path, kind: Kind, format: str, facts: Calibration | Pad | Mount | Ego | SettingsFacts, use: str
+    path: Path,
+    kind: Kind,
+    format: str,
+    facts: Calibration | Pad | Mount | Ego | SettingsFacts,
+    use: str,
+    request: Request,
 ) -> Facts:
-    """Put a text file's facts together; `use`: how `landtool track` takes it."""
-    option = f"{use} {shlex.quote(str(path))}"
-    needs = () if kind in ("calibration", "settings") else (_CAMERA,)
-    track = TrackAdvice(track_command(_RECORDING, [option], needs), needs)
+    """Put a text file's facts together; `use`: how `landtool track` takes it, in place of what is given for it."""
+    others = [option for option in given_options(request) if not option.startswith(_REPLACED.get(use, f"{use} "))]
+    camera_is_known = kind in ("calibration", "settings") or request.camera or request.hfov_deg
+    needs = () if camera_is_known else (_CAMERA,)
+    given = [f"{use} {shlex.quote(str(path))}", *others]
+    track = TrackAdvice(track_command(_RECORDING, given, needs), needs)
     return Facts(path, kind, format, path.stat().st_size, False, (), facts, track)
 
 
-def _calibration(path: Path, _request: Request) -> Facts:
+def _calibration(path: Path, request: Request) -> Facts:
     format, cameras = read_cameras(path)
     facts = Calibration(tuple(CameraFacts.of(camera, name) for name, camera in cameras.items()))
-    made = _facts(path, "calibration", format, facts, "--camera")
+    made = _facts(path, "calibration", format, facts, "--camera", request)
     if len(cameras) < 2:
         return made
+    if request.camera_name in cameras:
+        track = TrackAdvice(f"{made.track.command} --camera-name {shlex.quote(request.camera_name)}")
+        return replace(made, track=track)
     names = " or ".join(cameras)
     need = Need("--camera-name " + next(iter(cameras)), f"which of its {len(cameras)} cameras: {names}")
     track = TrackAdvice(f"{made.track.command} {need.option}", (need,))
-    return Facts(path, made.kind, format, made.bytes, False, (), facts, track)
+    return replace(made, track=track)
 
 
 def _pad(path: Path, request: Request) -> Facts:
@@ -121,7 +137,7 @@ def _pad(path: Path, request: Request) -> Facts:
         whole_from_m=_whole_from_m(pad, camera) if camera else None,
         ranges=tuple(tag_range(pad, tag, camera) for tag in pad.tags) if camera else (),
     )
-    return _facts(path, "pad", "pad TOML", facts, "--pad")
+    return _facts(path, "pad", "pad TOML", facts, "--pad", request)
 
 
 def _pad_camera(request: Request, path: Path) -> Camera | None:
@@ -140,32 +156,34 @@ def _whole_from_m(pad: PadSpec, camera: Camera) -> float:
     return pad.extent_m * max(camera.fx / camera.width, camera.fy / camera.height)
 
 
-def _mount(path: Path, _request: Request) -> Facts:
+def _mount(path: Path, request: Request) -> Facts:
     body_T_camera = read_mount(path)
     axis = body_T_camera.rotation @ (0.0, 0.0, 1.0)
     top = body_T_camera.rotation @ (0.0, -1.0, 0.0)
     off_down_deg = math.degrees(math.acos(float(np.clip(-axis[2], -1.0, 1.0))))
     place, turn = _tuple(body_T_camera.translation), _tuple(body_T_camera.quaternion_wxyz)
-    return _facts(path, "mount", "mount TOML", Mount(place, turn, off_down_deg, _tuple(axis), _tuple(top)), "--mount")
+    return _facts(
+        path, "mount", "mount TOML", Mount(place, turn, off_down_deg, _tuple(axis), _tuple(top)), "--mount", request
+    )
 
 
-def _ego(path: Path, _request: Request) -> Facts:
+def _ego(path: Path, request: Request) -> Facts:
     poses = read_ego(path)
     places = poses.positions_m
     way = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
     clock = measure_clock(poses.t_ns.tolist(), "file")
     facts = Ego(len(poses.t_ns), clock, _tuple(places.min(axis=0)), _tuple(places.max(axis=0)), way)
     format = "CSV" if "," in _first_line(read_text(path) or "") else "TUM"
-    return _facts(path, "ego", format, facts, "--ego")
+    return _facts(path, "ego", format, facts, "--ego", request)
 
 
-def _settings(path: Path, _request: Request) -> Facts:
+def _settings(path: Path, request: Request) -> Facts:
     values = read_config(path)
     try:
         configured(TrackConfig(), values)
     except LandtoolError as error:
         raise type(error)(error.reason, file=error.file or path, hint=error.hint) from error
-    return _facts(path, "settings", "settings TOML", SettingsFacts(_flat(values)), "--config")
+    return _facts(path, "settings", "settings TOML", SettingsFacts(_flat(values)), "--config", request)
 
 
 def _flat(values: dict[str, object], where: str = "") -> dict[str, object]:

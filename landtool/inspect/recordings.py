@@ -15,6 +15,7 @@ from landtool.inspect.facts import CameraFacts, Facts, Fault, Log, Recording, Re
 from landtool.io.calibration import match_camera, read_camera
 from landtool.io.source import MCAP_MAGIC, Source, SourceInfo, open_source
 from landtool.io.video_packets import survey_packets
+from landtool.pad import PadSpec
 from landtool.types import LostFrame
 
 _FAULTS = 20  # told one by one; the counts tell of the rest
@@ -177,6 +178,7 @@ def given_options(request: Request) -> list[str]:
         "--camera": request.camera,
         "--camera-name": request.camera_name,
         "--hfov": None if request.hfov_deg is None else f"{request.hfov_deg:g}",
+        "--pad": request.pad_file,
     }
     return [f"{name} {shlex.quote(str(value))}" for name, value in options.items() if value is not None]
 
@@ -190,15 +192,35 @@ def _advice(
     if misfit and not camera:
         return TrackAdvice("", obstacle=f"{misfit.reason}; {misfit.hint}")
     if not camera:
-        needs.append(camera_need("no calibration comes with the pictures"))
+        needs.append(camera_need("no calibration comes with the pictures", _beside(info.path, "camera.yaml")))
     if look.clock is None and look.found > 1:
         needs.append(Need("--fps F", "images carry no time, and without it there are poses but no track"))
+    if not request.pad_file and (pad := _beside(info.path, "pad.toml")):
+        needs.append(Need(_option("--pad", pad), f"lies beside it; without one a pad of {_default_pad()} is expected"))
     choices = ego_choices(look.log)
+    if ego := _beside(info.path, "ego.csv"):
+        choices = (Need(_option("--ego", ego), "the drone's own poses, they lie beside it"), *choices)
     return TrackAdvice(track_command(info.path, given_options(request), needs), tuple(needs), choices)
 
 
-def camera_need(why: str) -> Need:
-    """Ask for a calibration."""
+def _beside(recording: Path, ending: str) -> Path | None:
+    """Return the file beside a recording that is called as it is, with another ending."""
+    path = recording.parent / f"{recording.name if recording.is_dir() else recording.stem}.{ending}"
+    return path if path.is_file() else None
+
+
+def _option(name: str, path: Path) -> str:
+    return f"{name} {shlex.quote(str(path))}"
+
+
+def _default_pad() -> str:
+    return f"D = {PadSpec().diameter_m:g} m"
+
+
+def camera_need(why: str, beside: Path | None = None) -> Need:
+    """Ask for a calibration; beside: one that lies beside the recording."""
+    if beside is not None:
+        return Need(_option("--camera", beside), f"{why}, it lies beside them")
     return Need("--camera CAM.yaml", f"{why}; --hfov DEG stands in for a file nobody has")
 
 

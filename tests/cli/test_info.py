@@ -36,13 +36,16 @@ def test_says_what_it_is_and_what_is_missing(make_clip: ClipMaker, capsys: Said)
 
 def test_the_advice_is_a_command_track_understands(make_clip: ClipMaker, capsys: Said) -> None:
     path = make_clip("a clip.mp4", [0, 512, 1024])
-    assert run(["info", str(path), "--hfov", "60"]) == 0
+    target = path.parent / "my pad.toml"
+    target.write_text(PadSpec(diameter_m=0.18).to_toml())
+    assert run(["info", str(path), "--hfov", "60", "--pad", str(target)]) == 0
     advice = next(line for line in capsys.readouterr().out.splitlines() if "to track" in line)
     words = shlex.split(advice.partition("landtool track ")[2])
     track_command = importlib.import_module("landtool_cli.commands.track").command
     context = track_command.make_context("track", words)
     assert context.params["inputs"] == (path,)
     assert context.params["hfov"] == 60.0
+    assert context.params["pad"] == target
 
 
 def test_a_block_for_each_input(make_clip: ClipMaker, pad: Path, capsys: Said) -> None:

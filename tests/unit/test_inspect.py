@@ -189,6 +189,38 @@ def test_a_video_without_calibration_needs_one(make_clip: ClipMaker, tmp_path: P
     assert "assumed" in said(guessed)["camera"]
 
 
+def test_all_that_was_given_is_repeated(make_clip: ClipMaker, tmp_path: Path) -> None:
+    path, pad = make_clip("clip.mp4", [0, 512]), tmp_path / "my pad.toml"
+    pad.write_text(PadSpec(diameter_m=0.18).to_toml())
+    calibration, settings = tmp_path / "cam.yaml", tmp_path / "set.toml"
+    calibration.write_text(camera_yaml(CAMERA))
+    settings.write_text("[tracker]\nhorizon_s = 1.0\n")
+    given = Request(hfov_deg=60.0, size=(96, 64), pad_file=pad)
+    assert inspect(path, given).track.command == f"landtool track {path} --hfov 60 --pad '{pad}'"
+    assert inspect(pad, given).track.command == f"landtool track RECORDING --pad '{pad}' --hfov 60"
+    assert (
+        inspect(settings, given).track.command
+        == f"landtool track RECORDING --config {settings} --hfov 60 --pad '{pad}'"
+    )
+    measured = replace(given, hfov_deg=None, camera=calibration)
+    assert inspect(path, measured).track.command == f"landtool track {path} --camera {calibration} --pad '{pad}'"
+    # the calibration itself stands in for what was given for one
+    assert inspect(calibration, given).track.command == f"landtool track RECORDING --camera {calibration} --pad '{pad}'"
+
+
+def test_what_lies_beside_a_recording_is_proposed(make_clip: ClipMaker, tmp_path: Path) -> None:
+    path = make_clip("bend.mp4", [0, 512])
+    for ending in ("camera.yaml", "pad.toml", "ego.csv"):
+        (path.parent / f"bend.{ending}").touch()
+        (path.parent / f"other.{ending}").touch()
+    start = path.parent / "bend"
+    facts = inspect(path, Request())
+    assert facts.track.command == f"landtool track {path} --camera {start}.camera.yaml --pad {start}.pad.toml"
+    assert [need.option for need in facts.track.choices] == [f"--ego {start}.ego.csv"]
+    given = inspect(path, Request(hfov_deg=60.0, pad_file=tmp_path / "mine.toml"))
+    assert given.track.command == f"landtool track {path} --hfov 60 --pad {tmp_path / 'mine.toml'}"
+
+
 def test_a_calibration_of_another_size_is_said_to_be(make_clip: ClipMaker, tmp_path: Path) -> None:
     path = make_clip("clip.mp4", [0, 512])
     half, square = tmp_path / "half.yaml", tmp_path / "square.yaml"
@@ -553,6 +585,7 @@ def test_settings_are_no_pad(tmp_path: Path) -> None:
         ("hello\n", "is text, and none of the files landtool reads; give a video"),
         ("[something]\nelse = 1\n", "is text, and none of the files"),
         (",".join(TABLES["poses.csv"].columns) + "\n", r"is a table landtool wrote \(poses.csv\)"),
+        ("frame,t_ns,camera_T_pad_x_m\n0,0,0\n", "is the truth of a recording; give the recording it is about"),
         ("diametre_m = 1.0\n[ring]\nouter = 1.0\n", "unknown key 'diametre_m'; nearest known key is 'diameter_m'"),
         ("diameter_m = \n", "no valid TOML"),
         (camera_yaml(CAMERA).replace("80.0", "0.0"), "focal length 0, 82 is not positive"),

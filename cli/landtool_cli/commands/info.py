@@ -51,7 +51,7 @@ def command(
     if rest["camera"] and hfov:
         raise UsageError("--camera and --hfov exclude each other", hint="keep the calibration file")
     target = PadSpec.read(pad) if pad else PadSpec()
-    request = Request(pad=target, hfov_deg=hfov, size=_pixels(size), **rest)
+    request = Request(pad=target, pad_file=pad, hfov_deg=hfov, size=_pixels(size), **rest)
     failures: list[LandtoolError] = []
     documents: list[dict[str, Any]] = []
     codes: list[int] = []
