@@ -20,6 +20,8 @@ SEED = 0  # the same data give the same interval
 TAILS = (2.5, 97.5)  # percentiles of a 95 % interval
 FEWEST_UNITS = 5  # of fewer units a bootstrap says more than it knows
 
+_ROUNDING = 1e-12
+
 Units = NDArray[np.int64]
 
 
@@ -123,16 +125,17 @@ class Resamples:
         units = len(np.unique(unit))
         if units < FEWEST_UNITS:
             return Estimate(value, None, None, count)
-        if is_share and value in (0.0, 1.0):
+        if is_share and min(abs(value), abs(1.0 - value)) < _ROUNDING:
             # C. Clopper, E. Pearson, "The use of confidence or fiducial limits", 1934: (alpha / 2)^(1 / n) for all of n
             least = float(0.025 ** (1.0 / units))
-            return Estimate(value, *((0.0, 1.0 - least) if value == 0.0 else (least, 1.0)), count)
+            return Estimate(value, *((0.0, 1.0 - least) if value < 0.5 else (least, 1.0)), count)
         drawn = statistic(self.draws[:, unit])
         drawn = drawn[np.isfinite(drawn)]
         if not drawn.size:
             return Estimate(value, None, None, count)
         low, high = (float(v) for v in np.percentile(drawn, TAILS))
-        return Estimate(value, low, high, count) if low < high else Estimate(value, None, None, count)
+        is_told = low < high or len(drawn) == 1
+        return Estimate(value, low, high, count) if is_told else Estimate(value, None, None, count)
 
 
 def _root(value: float | None) -> float | None:

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from landtool.errors import UsageError
 from landtool.evaluate.gate import FAILS, GateResult, GateRow, row_text
 from landtool.io.atomic import atomic_path
 
@@ -41,6 +42,18 @@ def write_junit(
     """
     with atomic_path(path, overwrite=overwrite) as temporary:
         temporary.write_bytes(junit_xml(parts, result, seconds=seconds))
+
+
+def refuse_other_file(path: Path) -> None:
+    """Raise UsageError for a file that is there and no JUnit XML: it would be replaced by one."""
+    if not path.is_file():
+        return
+    try:
+        is_junit = ElementTree.parse(path).getroot().tag in ("testsuites", "testsuite")
+    except (OSError, ElementTree.ParseError):
+        is_junit = False
+    if not is_junit:
+        raise UsageError("is no JUnit XML, and would be replaced by one", file=path, hint="choose another --junit")
 
 
 def junit_xml(

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from landtool.config import EvalConfig, TrackConfig
 from landtool.errors import LandtoolError, UsageError
+from landtool.evaluate import junit
 from landtool.evaluate.baseline import refuse_other_file
 from landtool.evaluate.tolerance import read_tolerance
 from landtool.io.atomic import atomic_path
@@ -57,6 +58,9 @@ def refuse_impossible(request: EvalRequest) -> None:
         refuse_other_file(evaluation.baseline)
         _refuse_place(evaluation.baseline, "--baseline")
     if request.junit is not None:
+        if evaluation.baseline is not None and request.junit.absolute() == evaluation.baseline.absolute():
+            raise UsageError("is the baseline, too", file=request.junit, hint="choose another --junit")
+        junit.refuse_other_file(request.junit)
         _refuse_place(request.junit, "--junit")
 
 

@@ -145,6 +145,14 @@ class TestPairs:
         with pytest.raises(InputError, match=said):
             find_pairs(tmp_path)
 
+    def test_a_twin_that_is_gone_is_named(self, tmp_path: Path) -> None:
+        put(tmp_path, "images/val/1.jpg", "images/val/2.jpg", "images/val/3.jpg", "clear/val/1.jpg")
+        (tmp_path / "truth.csv").write_text(
+            "file,beta_per_m\nimages/val/1.jpg,0.1\nimages/val/2.jpg,0.2\nimages/val/3.jpg,0\n"
+        )
+        with pytest.raises(InputError, match=r"2\.jpg: has no twin in clear/"):
+            find_pairs(tmp_path)
+
     def test_a_broken_table_is_named(self, tmp_path: Path) -> None:
         put(tmp_path, "fog_2.png", "clear_2.png")
         (tmp_path / "labels.csv").write_text("file,beta\nfog_2.png,nan\n")

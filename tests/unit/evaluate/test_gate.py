@@ -107,7 +107,9 @@ def test_numbers_that_come_and_go() -> None:
     assert judged(nothing, number).verdict == judged(None, number).verdict == "new"
     assert judged(nothing, nothing).verdict == judged(nothing, None).verdict == "same"
     assert not gate(Baseline("", "", (number,)), [], TENTH, same_data=True).passed
-    assert gate(Baseline("", "", ()), [number], TENTH, same_data=True).passed
+    assert gate(Baseline("", "", (number,)), [number, made("pose.b", 1.0)], TENTH, same_data=True).passed
+    assert not gate(Baseline("", "", ()), [number], TENTH, same_data=True).passed
+    assert not gate(Baseline("", "", (nothing,)), [nothing], TENTH, same_data=True).passed
 
 
 def test_parts_of_the_data_and_what_is_ignored_are_left_out() -> None:
@@ -130,7 +132,7 @@ def test_the_table_of_what_got_worse() -> None:
     result = gate(kept, now, TENTH, same_data=True)
     assert not result.passed
     assert gate_lines(result) == [
-        "gate: failed, 2 of 8 numbers got worse or are gone",
+        "gate: failed, 2 of 6 numbers got worse or are gone",
         "    number  baseline  now        interval    allowed  worse by",
         "    pose.a  1         1.5        1.4 to 1.6  0.1      0.5",
         "    pose.b  1         undefined                       gone",
@@ -141,13 +143,14 @@ def test_the_table_of_what_got_worse() -> None:
     assert json.loads(json.dumps(values, allow_nan=False)) == values
     assert values["passed"] is False
     assert values["rows"][0] == {
-        "key": "pose.a", "baseline": 1.0, "value": 1.5, "low": 1.4, "high": 1.6, "tolerance": 0.1, "verdict": "worse",
+        "key": "pose.a", "baseline": 1.0, "value": 1.5, "low": 1.4, "high": 1.6, "tolerance": 0.1, "by": 0.5,
+        "verdict": "worse",
     }  # fmt: skip
 
 
 def test_nothing_to_compare_is_said() -> None:
     assert gate_lines(gate(Baseline("", "", ()), [], TENTH, same_data=True)) == [
-        "gate: passed, but nothing was compared"
+        "gate: failed, nothing was compared: the baseline has none of the numbers"
     ]
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from landtool.errors import OutputExistsError
+from landtool.errors import OutputExistsError, UsageError
 from landtool.evaluate.baseline import Baseline
 from landtool.evaluate.gate import GateResult, gate
-from landtool.evaluate.junit import PartOutcome, junit_xml, write_junit
+from landtool.evaluate.junit import PartOutcome, junit_xml, refuse_other_file, write_junit
 from landtool.evaluate.tolerance import Allowance, Tolerance
 from tests.unit.evaluate.metrics import made
 
@@ -79,3 +79,13 @@ def test_the_file(tmp_path: Path) -> None:
         write_junit(path, PARTS)
     write_junit(path, PARTS, overwrite=True)
     assert path.read_bytes() == junit_xml(PARTS)
+
+
+def test_only_junit_is_replaced(tmp_path: Path) -> None:
+    for name, content in {"clip.mp4": b"\x00\x00\x00\x18ftyp", "notes.txt": b"mine", "page.xml": b"<html/>"}.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(UsageError, match="no JUnit XML"):
+            refuse_other_file(tmp_path / name)
+    write_junit(tmp_path / "junit.xml", PARTS)
+    refuse_other_file(tmp_path / "junit.xml")
+    refuse_other_file(tmp_path / "new.xml")

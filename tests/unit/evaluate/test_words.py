@@ -17,7 +17,13 @@ def test_a_line_a_number_with_its_unit_behind_the_value() -> None:
 
 
 def test_what_is_undefined_has_no_unit() -> None:
-    assert metric_lines([made("track.lag_s", None)]) == ["track: lags behind  undefined, 0 of 0"]
+    lines = metric_lines([made("track.lag_s", None), made("track.longest_gap_s", 0.5)])
+    assert lines[0].split("  ")[-1] == "undefined, 0 of 0"
+
+
+def test_a_stage_of_which_nothing_is_told_has_one_line() -> None:
+    lines = metric_lines([made("track.lag_s", None), made("track.longest_gap_s", None)])
+    assert lines == ["track and prediction  undefined, 0 of 0"]
 
 
 def test_networks_stand_side_by_side() -> None:
