@@ -350,7 +350,7 @@ class TestBaseline:
         [
             ({"tolerance": Path("t.toml")}, {}, "a tolerance, but no numbers to compare with"),
             ({}, {"update_baseline": True}, "no baseline to update; say where it is with --baseline FILE"),
-            ({"baseline": Path("none.json")}, {}, r"none\.json: does not exist; .*with --update-baseline one is made"),
+            ({"baseline": Path("none.json")}, {}, r"none\.json: does not exist; .*--update-baseline"),
             ({"baseline": Path("a.txt")}, {"update_baseline": True}, r"a\.txt: is no baseline, and would be replaced"),
             ({"baseline": Path()}, {"update_baseline": True}, "is a folder, a file is to be written; .*--baseline"),
             ({}, {"junit": Path()}, "is a folder, a file is to be written; choose another --junit"),
