@@ -105,6 +105,17 @@ class TestStills:
         assert parts == ["Stills set"]
         assert dataset.notes == ("set: nothing is labelled in its pictures (1)",)
 
+    def test_a_folder_labels_that_is_missing_is_said(self, tmp_path: Path) -> None:
+        shutil.rmtree(yolo(tmp_path / "set", "test", data=False) / "labels")
+        dataset, parts = found(tmp_path / "set")
+        assert parts == []
+        note = "set: left out, images has no labels beside it (the folder labels, or a data.yaml)"
+        assert dataset.notes == (note,)
+        (tmp_path / "set/images.truth.csv").write_text("x")
+        picture(tmp_path / "set/images/it.png")
+        dataset, parts = found(tmp_path / "set")
+        assert (parts, dataset.notes) == (["Clip images"], ())
+
     def test_missing_pictures_are_said(self, tmp_path: Path) -> None:
         folder = yolo(tmp_path / "set", "test")
         (folder / "images/test/test.png").unlink()
@@ -162,6 +173,16 @@ class TestCoco:
         dataset, parts = found(coco(tmp_path / "none.json"))
         assert parts == []
         assert dataset.notes == ("none: holds no pictures",)
+
+    @pytest.mark.parametrize(("there", "more"), [((), ", and 1 more"), (("a.png",), "")])
+    def test_one_away_from_its_pictures(self, there: tuple[str, ...], more: str, tmp_path: Path) -> None:
+        for name in there:
+            picture(tmp_path / name)
+        file = coco(tmp_path / "bare.json", "a.png", "b.png")
+        lost = tmp_path / ("b.png" if there else "a.png")
+        with pytest.raises(InputError) as caught:
+            open_dataset(file)
+        assert str(caught.value).startswith(f"{file}: names a picture that is not there: {lost}{more}; put the json")
 
     def test_the_same_boxes_as_yolo_and_coco_count_once(self, tmp_path: Path) -> None:
         coco(yolo(tmp_path / "set", "test") / "annotations/test.json", "images/test/test.png")
@@ -268,13 +289,14 @@ class TestSeveral:
         ("none", UsageError, "none: does not exist"),
         ("a.mp4", UsageError, r"a\.mp4: has no truth beside it \(a\.truth\.csv\); give a folder of"),
         ("b.truth.csv", UsageError, r"b\.truth\.csv: is a truth; give the recording it is about"),
+        ("c.ego.csv", UsageError, r"c\.ego\.csv: is no recording, data\.yaml or COCO json; give a folder of"),
         ("a.json", InputError, r"a\.json: has no list 'categories'"),
         ("a.yaml", InputError, r"a\.yaml: has no 'names'"),
         ("dead", UsageError, "dead: is a link to nothing"),
     ],
 )
 def test_no_dataset(name: str, kind: type[LandtoolError], said: str, tmp_path: Path) -> None:
-    for file, text in (("a.mp4", "x"), ("b.truth.csv", "x"), ("a.json", "{}"), ("a.yaml", "a: 1")):
+    for file, text in (("a.mp4", "x"), ("b.truth.csv", "x"), ("c.ego.csv", "x"), ("a.json", "{}"), ("a.yaml", "a: 1")):
         (tmp_path / file).write_text(text)
     (tmp_path / "dead").symlink_to("nothing")
     with pytest.raises(kind, match=said):

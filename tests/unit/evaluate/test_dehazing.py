@@ -150,7 +150,7 @@ class TestPairs:
         (tmp_path / "truth.csv").write_text(
             "file,beta_per_m\nimages/val/1.jpg,0.1\nimages/val/2.jpg,0.2\nimages/val/3.jpg,0\n"
         )
-        with pytest.raises(InputError, match=r"2\.jpg: has no twin in clear/"):
+        with pytest.raises(InputError, match=r"2\.jpg: has no twin in clear air"):
             find_pairs(tmp_path)
 
     def test_a_broken_table_is_named(self, tmp_path: Path) -> None:
