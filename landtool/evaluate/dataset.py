@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, get_args
 
-from landtool.errors import UsageError
+from landtool.errors import InputError, UsageError
 from landtool.evaluate.dehazing import FogPair, find_pairs
 from landtool.io.coco import read_coco
 from landtool.io.images import RECORDING_SUFFIXES, SUFFIXES
-from landtool.io.labels import LabelledImage, YoloDataset, read_yolo
+from landtool.io.labels import LabelledImage, YoloDataset, pictures_in, read_yolo
 from landtool.io.local import local_path
 from landtool.io.run_record import sha256_of
 from landtool.io.yolo_folder import is_yolo_folder, read_yolo_folder
@@ -123,6 +123,8 @@ def _single(recording: Path, notes: list[str]) -> Clip:
     if recording.name.endswith(TRUTH_END):
         raise UsageError("is a truth", file=recording, hint="give the recording it is about, or the folder of both")
     found = list(_clips(recording.parent, recording.parent, notes, only=recording))
+    if not found and recording.suffix.lower() not in RECORDING_SUFFIXES:
+        raise UsageError("is no recording, data.yaml or COCO json", file=recording, hint=_HINT)
     if not found:
         truth = f"{recording.stem}{TRUTH_END}"
         raise UsageError(f"has no truth beside it ({truth})", file=recording, hint=_HINT)
@@ -161,6 +163,8 @@ def _stills(folder: Path, name: str, split: Split, notes: list[str]) -> Iterator
             notes.append(f"{name}: which split its files are is not known, all are taken")
         for file in files:
             yield from _coco(f"{name}/{file.stem}", folder, file, notes)
+    elif pictures_in(folder / "images") and not (folder / f"images{TRUTH_END}").is_file():
+        notes.append(f"{name}: left out, images has no labels beside it (the folder labels, or a data.yaml)")
 
 
 def _yolo(name: str, dataset: YoloDataset, split: Split, notes: list[str]) -> Iterator[Stills]:
@@ -181,6 +185,10 @@ def _coco(name: str, folder: Path, file: Path, notes: list[str]) -> Iterator[Sti
     coco = read_coco(file)
     if not coco.images:
         notes.append(f"{name}: holds no pictures")
+    if lost := [image.path for image in coco.images if not image.path.exists()]:
+        more = f", and {len(lost) - 1} more" if lost[1:] else ""
+        hint = "put the json back where its pictures are, or the pictures beside it"
+        raise InputError(f"names a picture that is not there: {lost[0]}{more}", file=file, hint=hint)
     yield from _filled(Stills(name, folder, coco.names, coco.images, None, None), notes)
 
 

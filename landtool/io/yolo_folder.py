@@ -69,4 +69,7 @@ def _counted(pictures: Iterable[Path]) -> tuple[str, ...]:
 
 
 def _said(names: tuple[str, ...]) -> str:
-    return "its class 0 is 'pad'" if names == ("pad",) else f"its classes are named 0 to {len(names) - 1}"
+    if names == ("pad",):
+        return "its class 0 is 'pad'"
+    # a network's 'pad' is none of these, so that it finds nothing
+    return f"its classes are named 0 to {len(names) - 1}; add {CLASSES_FILE}, a name a line, for what they are"

@@ -67,7 +67,9 @@ class TestYolo:
         labelled(tmp_path, "a", 0, 3)
         dataset = read_yolo_folder(tmp_path)
         assert dataset.names == ("0", "1", "2", "3")
-        assert dataset.notes[1] == "there is no classes.txt: its classes are named 0 to 3"
+        assert dataset.notes[1] == (
+            "there is no classes.txt: its classes are named 0 to 3; add classes.txt, a name a line, for what they are"
+        )
 
     def test_a_class_the_file_does_not_name(self, tmp_path: Path) -> None:
         labelled(tmp_path, "a", 2)
