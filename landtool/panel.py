@@ -65,12 +65,14 @@ def _metric_lines(pose: PadPose | None, track: Track | None, camera_T_reference:
             Line("track", UNKNOWN, mark=TRACKED),
             Line("prediction", UNKNOWN, mark=PREDICTED),
         ]
-    speed = math.hypot(track.state[2], track.state[3])
+    # before it is proven, a track's speed is the filter's first guess of it: nothing was measured
+    unproven = track.status == "tentative"
+    speed = UNKNOWN if unproven else f"{math.hypot(track.state[2], track.state[3]):.2f} m/s"
     # in the body frame the drone's own motion is part of it
     name = "speed" if track.reference == "world" else "rel. speed"
     return [
         *lines,
-        Line(name, f"{speed:.2f} m/s"),
+        Line(name, speed),
         Line(f"track {track.track_id}", track.status, STATE_COLORS[track.status], TRACKED),
         Line("prediction", f"+{track.horizon_s:g} s", mark=PREDICTED),
     ]

@@ -69,9 +69,9 @@ class PageData:
 
 
 def _velocity(moment: Moment) -> tuple[float | None, ...]:
-    """Return vx, vy, their sigmas, m/s, and the NIS of the pad's track, which says little before it is proven."""
+    """Return vx, vy, their sigmas, m/s, and the NIS of the pad's track; unknown before it is proven."""
     track = moment.track
-    if track is None:
+    if track is None or track.status == "tentative":
         return (None,) * 5
     sigma = np.sqrt(np.diag(track.covariance)[2:])
-    return (*track.state[2:].tolist(), *sigma.tolist(), None if track.status == "tentative" else track.nis)
+    return (*track.state[2:].tolist(), *sigma.tolist(), track.nis)

@@ -238,6 +238,10 @@ class TestPanel:
         assert values["track 1"] == "confirmed"
         assert values["prediction"] == "+0.5 s"
 
+    def test_a_track_that_is_not_proven_has_no_speed(self) -> None:
+        values = self.values(FrameResult(0, 0, tracks=(a_track(1, "tentative"),)))
+        assert (values["speed"], values["track 1"]) == ("--", "tentative")
+
     def test_nothing_known(self) -> None:
         values = self.values(FrameResult(0, None))
         assert set(values.values()) == {"--"}

@@ -64,6 +64,9 @@ def test_series_hold_what_came() -> None:
     assert data.frames.column("distance_m")[0] == 12.0
     assert data.frames.column("lateral_m")[5] == pytest.approx(0.3)
     assert data.frames.column("at")[20] == pytest.approx(1.0)
+    speed = data.frames.column("vx_mps")
+    assert np.isnan(speed[:2]).all()  # tentative
+    assert np.isfinite(speed[2:10]).all()
     assert data.residuals.column("x_m") == pytest.approx(0.05)
     assert data.residuals.column("sigma_m") == pytest.approx(0.04)
 
