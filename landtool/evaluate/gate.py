@@ -60,7 +60,7 @@ class GateResult:
 
     def as_values(self, baseline: str) -> dict[str, Any]:
         """Return it as metrics.json has it; baseline: the name of its file."""
-        names = ("key", "baseline", "value", "low", "high", "tolerance", "verdict")
+        names = ("key", "baseline", "value", "low", "high", "tolerance", "by", "verdict")
         rows = [{name: getattr(row, name) for name in names} for row in self.rows]
         return {"passed": self.passed, "baseline": baseline, "rows": rows}
 
