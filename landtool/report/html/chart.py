@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -16,6 +17,7 @@ from landtool.report.html.thin import MOST_POINTS, thinned
 
 WIDTH, _HEIGHT, _SQUARE = 380, 226, 310
 _LEFT, _RIGHT, _TOP, _BOTTOM = 46, 10, 24, 36
+_GAP, _LETTER = 6, 8.0  # between the numbers of an axis and the axis; what a digit of them takes in any font
 _TABLE_ROWS = 24  # a table behind a chart is to be read; the whole is in the CSV files
 Look = Literal["a", "b", "c", "d", "e", "f"]
 Kind = Literal["line", "dots", "marked", "band"]
@@ -87,15 +89,18 @@ def draw(chart: Chart) -> Drawn:
     shown = [s for s in chart.series if np.isfinite(s.y).any() and np.isfinite(s.x).any()]
     if not shown:
         return Drawn(chart.title, chart.note, chart.empty, None, (), (), (), "")
-    x, y = _axes(chart, shown)
+    x, y = _axes(chart, shown, _LEFT)
+    left = _room(y)
+    if left > _LEFT:
+        x, y = _axes(chart, shown, left)
     height = _SQUARE if chart.equal else _HEIGHT
     title = f"{chart.title}: {chart.y_label} over {chart.x_label}"
     body = [*_grid(chart, x, y, height), *(part for s in shown for part in _series(s, x, y))]
     if chart.rule is not None:
         place = float(y.place(np.array([chart.rule[0]]))[0])
-        body.append(f'<path class="rule" d="M{_LEFT} {place:.1f}H{WIDTH - _RIGHT}"/>')
+        body.append(f'<path class="rule" d="M{left} {place:.1f}H{WIDTH - _RIGHT}"/>')
     if chart.timed:
-        body.append(f'<path class="cursor" d="M{_LEFT} {_TOP}V{height - _BOTTOM}" visibility="hidden"/>')
+        body.append(f'<path class="cursor" d="M{left} {_TOP}V{height - _BOTTOM}" visibility="hidden"/>')
     svg = (
         f'<svg viewBox="0 0 {WIDTH} {height}" role="img" aria-label="{escape(title)}">'
         f"<title>{escape(title)}</title>{''.join(body)}</svg>"
@@ -116,18 +121,24 @@ def draw(chart: Chart) -> Drawn:
         start=x.low,
         end=x.high,
         timed=chart.timed,
+        left=left,
     )
 
 
-def _axes(chart: Chart, shown: list[Series]) -> tuple[Axis, Axis]:
+def _room(y: Axis) -> int:
+    """Return where a chart begins: its y axis' numbers have to fit before it."""
+    return max(_LEFT, math.ceil(_GAP + _LETTER * max((len(tick_text(value)) for value in y.ticks()), default=0)))
+
+
+def _axes(chart: Chart, shown: list[Series], left: int) -> tuple[Axis, Axis]:
     height = _SQUARE if chart.equal else _HEIGHT
     xs = np.concatenate([s.x for s in shown])
     ys = np.concatenate([part for s in shown for part in (s.y, s.high) if part is not None])
     x_low, x_high = chart.x_range or (_exact(xs) if chart.timed else span(xs, log=chart.log_x))
     y_low, y_high = chart.y_range or span(ys, from_zero=chart.from_zero and not chart.log_y, log=chart.log_y)
     if chart.equal:
-        x_low, x_high, y_low, y_high = _same_scale(x_low, x_high, y_low, y_high, height)
-    x = Axis(x_low, x_high, _LEFT, WIDTH - _RIGHT, chart.log_x)
+        x_low, x_high, y_low, y_high = _same_scale(x_low, x_high, y_low, y_high, height, left)
+    x = Axis(x_low, x_high, left, WIDTH - _RIGHT, chart.log_x)
     return x, Axis(y_low, y_high, height - _BOTTOM, _TOP, chart.log_y)
 
 
@@ -136,9 +147,9 @@ def _exact(values: Array) -> tuple[float, float]:
     return low, high if high > low else low + 1.0
 
 
-def _same_scale(x_low: float, x_high: float, y_low: float, y_high: float, height: int) -> tuple[float, ...]:
+def _same_scale(x_low: float, x_high: float, y_low: float, y_high: float, height: int, left: int) -> tuple[float, ...]:
     """Widen one of the axes, so that a metre is as long along both."""
-    wide, high = WIDTH - _LEFT - _RIGHT, height - _TOP - _BOTTOM
+    wide, high = WIDTH - left - _RIGHT, height - _TOP - _BOTTOM
     scale = max((x_high - x_low) / wide, (y_high - y_low) / high)
     x_middle, y_middle = 0.5 * (x_low + x_high), 0.5 * (y_low + y_high)
     half_x, half_y = 0.5 * scale * wide, 0.5 * scale * high
@@ -146,16 +157,16 @@ def _same_scale(x_low: float, x_high: float, y_low: float, y_high: float, height
 
 
 def _grid(chart: Chart, x: Axis, y: Axis, height: int) -> Iterator[str]:
-    bottom, right = height - _BOTTOM, WIDTH - _RIGHT
+    bottom, left, right = height - _BOTTOM, round(x.start), WIDTH - _RIGHT
     for value in y.ticks():
         place = float(y.place(np.array([value]))[0])
-        yield f'<path class="grid" d="M{_LEFT} {place:.1f}H{right}"/>'
-        yield f'<text x="{_LEFT - 6}" y="{place + 4:.1f}" text-anchor="end">{tick_text(value)}</text>'
+        yield f'<path class="grid" d="M{left} {place:.1f}H{right}"/>'
+        yield f'<text x="{left - _GAP}" y="{place + 4:.1f}" text-anchor="end">{tick_text(value)}</text>'
     for value in x.ticks():
         place = float(x.place(np.array([value]))[0])
         yield f'<path class="grid" d="M{place:.1f} {_TOP}V{bottom}"/>'
         yield f'<text x="{place:.1f}" y="{bottom + 15}" text-anchor="middle">{tick_text(value)}</text>'
-    yield f'<path class="axis" d="M{_LEFT} {bottom}H{right}"/>'
+    yield f'<path class="axis" d="M{left} {bottom}H{right}"/>'
     yield f'<text class="label" x="0" y="13">{escape(chart.y_label)}</text>'
     yield f'<text class="label" x="{right}" y="{height - 5}" text-anchor="end">{escape(chart.x_label)}</text>'
 

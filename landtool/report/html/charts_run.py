@@ -16,8 +16,8 @@ _LOG_BAND = 30.0  # so are errors that differ by more than this
 _BINS = 10
 
 
-def run_charts(flight: Flight) -> list[Chart]:
-    """Return the charts of a flight; what cannot be drawn says why."""
+def run_charts(flight: Flight, *, has_truth: bool) -> list[Chart]:
+    """Return the charts of a flight; what cannot be drawn says why. has_truth: others compare it with truth."""
     return [
         _distance(flight),
         _lateral(flight),
@@ -25,7 +25,7 @@ def run_charts(flight: Flight) -> list[Chart]:
         _above(flight),
         _foresight(flight),
         _residual(flight),
-        _claimed(flight),
+        _claimed(flight, has_truth),
     ]
 
 
@@ -141,13 +141,15 @@ def _residual(flight: Flight) -> Chart:
     )
 
 
-def _claimed(flight: Flight) -> Chart:
+def _claimed(flight: Flight, has_truth: bool) -> Chart:
     return distance_chart(
         "Uncertainty of the pose, as claimed",
         "1 sigma of the place, m",
         flight.distance_m,
         flight.sigma_m,
-        note="The run has no truth: this is what it says of itself. landtool eval compares with truth.",
+        note="This is what the run says of itself."
+        if has_truth
+        else "The run has no truth: this is what it says of itself. landtool eval compares with truth.",
         empty="the pad was measured in no frame",
     )
 

@@ -17,15 +17,15 @@ from landtool.report.html.charts_eval import clip_charts, evaluation_charts
 from landtool.report.html.film import STILL_PX, Budget, Film, VideoMode, stills
 from landtool.report.html.flight import Flight, read_flight
 from landtool.report.html.folders import Folder, clip_folders, read_run
+from landtool.report.html.gate_table import gate_table
 from landtool.report.html.judgement import judge_evaluation
-from landtool.report.html.page import Bar, Page, Section, Still, Table, flat, text_of
+from landtool.report.html.page import Bar, Page, Section, Still, Table, flat, rounded, text_of
 from landtool.report.html.run_page import run_section
+from landtool.report.html.stages import speed_note
 from landtool.report.html.worst import Fault, Moment, worst
-from landtool.report.html.worst_eval import evaluation_faults
+from landtool.report.html.worst_eval import UNNOTABLE, evaluation_faults
 
 _APART_S = 0.5  # between two of the worst frames of one clip
-_GATE_HEAD = ("number", "baseline", "now", "from", "to", "tolerance", "verdict")
-_LEVELS = {"worse": "bad", "gone": "bad", "better": "good"}
 _Clip = tuple[Section, Film | None, Flight | None]
 
 
@@ -44,11 +44,13 @@ def evaluation_page(evaluation: Folder, output: Path, video: VideoMode) -> Page:
         judgement=judge_evaluation(record),
         sections=tuple(section for section, _, _ in clips),
         charts=tuple(draw(chart) for chart in evaluation_charts(record, tables)),
-        tables=(*_gate(record.get("gate")), _in_short(record)),
+        gate=gate_table(record.get("gate")),
+        tables=(_in_short(record),),
         slices=(*_metrics(record), *_slices(record)),
         worst=tuple(_stills(moments, clips, Path(str(dataset.get("name"))))),
-        worst_note="" if moments else "Nothing to show: no miss, no false alarm and no error in the tables.",
+        worst_note="" if moments else f"Nothing went wrong that is worth showing: {UNNOTABLE}.",
         speed=_speed(record.get("speed") or []),
+        speed_note=speed_note(str(row["stage"]) for row in record.get("speed") or []),
         speed_head=("stage", "mean, ms a frame", "frames", "total, s"),
         missing=tuple(missing),
         notes=tuple(str(note) for note in record.get("notes") or []),
@@ -67,7 +69,7 @@ def _clips(evaluation: Folder, output: Path, video: VideoMode) -> list[_Clip]:
             found.append((Section(key, name, None, None, (), missing=(f"No run: {error.reason}.",)), None, None))
             continue
         flight = read_flight(run)
-        section, made = run_section(run, flight, key, name, output, video, budget)
+        section, made = run_section(run, flight, key, name, output, video, budget, has_truth=True)
         model, clip = _model_and_clip(name, evaluation.record)
         start_ns = None if flight is None else next((t for t in flight.t_ns if t is not None), None)
         against = tuple(draw(chart) for chart in clip_charts(evaluation.tables, clip, model, start_ns))
@@ -144,19 +146,6 @@ def _in_short(record: Mapping[str, Any]) -> Table:
     return Table("In short", ("", *(model or "value" for model in models)), tuple((text, *of) for text, of in rows))
 
 
-def _gate(gate: Mapping[str, Any] | None) -> list[Table]:
-    """Return what the gate compared, the worst first; nothing where there was none."""
-    if gate is None:
-        return []
-    order = ["worse", "gone", "better", "new", "noise", "same"]
-    rows = sorted(gate.get("rows", []), key=lambda row: order.index(row["verdict"]) if row["verdict"] in order else -1)
-    texts = tuple(
-        tuple(_rounded(row.get(name)) for name in ("key", "baseline", "value", "low", "high", "tolerance", "verdict"))
-        for row in rows
-    )
-    return [Table("Gate", _GATE_HEAD, texts, tuple(_LEVELS.get(str(row["verdict"]), "") for row in rows))]
-
-
 def _metrics(record: Mapping[str, Any]) -> list[Table]:
     """Return the numbers about all of the data, a table a stage, a column a model."""
     whole = [metric for metric in record["metrics"] if not metric["slice"]]
@@ -201,7 +190,7 @@ def _by_name(metrics: Sequence[Mapping[str, Any]], key: str) -> tuple[tuple[str,
 
 def _better(metric: Mapping[str, Any]) -> str:
     if metric["better"] == "expected":
-        return f"near {_rounded(metric['expected'])}"
+        return f"near {rounded(metric['expected'])}"
     return "" if metric["better"] == "neither" else str(metric["better"])
 
 
@@ -210,12 +199,8 @@ def _said(metric: Mapping[str, Any]) -> str:
     if metric["value"] is None:
         return f"undefined, {made_of}"
     if metric["low"] is None or metric["high"] is None:
-        return f"{_rounded(metric['value'])}, {made_of}"
-    return f"{_rounded(metric['value'])} ({_rounded(metric['low'])} to {_rounded(metric['high'])}), {made_of}"
-
-
-def _rounded(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else text_of(value)
+        return f"{rounded(metric['value'])}, {made_of}"
+    return f"{rounded(metric['value'])} ({rounded(metric['low'])} to {rounded(metric['high'])}), {made_of}"
 
 
 def _speed(rows: Sequence[Mapping[str, Any]]) -> tuple[Bar, ...]:

@@ -49,10 +49,13 @@ class Film:
         return bool(self.data or self.url)
 
 
-def film(path: Path | None, flight: Flight, output: Path, mode: VideoMode, budget: Budget) -> Film:
-    """Return how a run's video is to be shown; what is wrong with the file is said in it."""
+def film(path: Path | None, flight: Flight, output: Path, mode: VideoMode, budget: Budget, *, without: str) -> Film:
+    """Return how a run's video is to be shown; what is wrong with the file is said in it.
+
+    without: why there is none, said where `path` is None.
+    """
     if path is None:
-        return Film("No video: the run saved none; give `landtool track` --save video,csv for one.")
+        return Film(f"No video: {without}.")
     try:
         times = read_times(path)
     except LandtoolError as error:

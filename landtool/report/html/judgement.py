@@ -87,5 +87,8 @@ def judge_evaluation(record: Mapping[str, Any]) -> Judgement:
     against = f"against {gate.get('baseline')}"
     if gate.get("passed"):
         return Judgement("Gate met", "good", f"Nothing left its tolerance, {against}.", counted + said)
+    if not {"worse", "gone"} & set(verdicts):
+        consequence = f"Nothing could be compared, {against}. The command ends with exit code 1."
+        return Judgement("Gate not met", "bad", consequence, counted + said)
     consequence = f"Something left its tolerance, {against}: the table says what. The command ends with exit code 1."
     return Judgement("Gate not met", "bad", consequence, counted + said)

@@ -50,6 +50,15 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Gate:
+    """What a gate compared. said: where nothing changed, so. changed, same: None where there is no such row."""
+
+    said: str
+    changed: Table | None
+    same: Table | None
+
+
+@dataclass(frozen=True)
 class Section:
     """One recording. key: its anchor and its player's name. missing: what is not there, one sentence each."""
 
@@ -71,6 +80,7 @@ class Page:
     judgement: Judgement
     sections: tuple[Section, ...]
     charts: tuple[Drawn, ...] = ()
+    gate: Gate | None = None
     tables: tuple[Table, ...] = ()
     slices: tuple[Table, ...] = ()
     worst: tuple[Still, ...] = ()
@@ -116,6 +126,11 @@ def text_of(value: Any) -> str:
     if isinstance(value, Sequence) and not isinstance(value, str):
         return ", ".join(text_of(item) for item in value)
     return json.dumps(value, ensure_ascii=False) if isinstance(value, Mapping) else str(value)
+
+
+def rounded(value: object) -> str:
+    """Return a plain value as `text_of` does, a number with four digits."""
+    return f"{value:.4g}" if isinstance(value, float) else text_of(value)
 
 
 def _script_data(section: Section) -> Markup:

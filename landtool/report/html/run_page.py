@@ -12,12 +12,13 @@ from landtool.report.html.chart import draw
 from landtool.report.html.charts_run import run_charts
 from landtool.report.html.film import Budget, Film, VideoMode, film, stills
 from landtool.report.html.flight import Flight, read_flight
-from landtool.report.html.folders import Folder
+from landtool.report.html.folders import VIDEO_FILE, Folder
 from landtool.report.html.judgement import judge_run
 from landtool.report.html.page import Bar, Page, Section, Still, Table, flat, text_of
+from landtool.report.html.stages import speed_note
 from landtool.report.html.timeline import timeline
 from landtool.report.html.worst import Moment, worst
-from landtool.report.html.worst_run import run_faults
+from landtool.report.html.worst_run import UNNOTABLE, run_faults
 
 _KEY = "run"
 # The worst frames are to tell of the whole flight: so many times they would fit in it
@@ -28,13 +29,13 @@ def run_page(run: Folder, output: Path, video: VideoMode) -> Page:
     """Put together the report of a run."""
     record = run.record
     flight = read_flight(run)
-    section, made = run_section(run, flight, _KEY, _name(record), output, video, Budget())
+    section, made = run_section(run, flight, _KEY, _name(record), output, video, Budget(), has_truth=False)
     pictures: tuple[Still, ...] = ()
     note = "No frame can be shown: frames.csv is missing or has no row."
     if flight is not None and made is not None:
         moments = worst(run_faults(flight), spread(flight))
         pictures = tuple(_stills(flight, made, moments))
-        note = "" if pictures else "Nothing went wrong that the tables tell of."
+        note = "" if pictures else f"Nothing went wrong that is worth showing: {UNNOTABLE}."
     return Page(
         kind="Run of landtool track",
         title=_name(record),
@@ -44,7 +45,7 @@ def run_page(run: Folder, output: Path, video: VideoMode) -> Page:
         worst_note=note,
         speed=speed_bars(record["timings"]),
         speed_head=("stage", "mean, ms a frame", "frames", "total, s"),
-        speed_note="Stages overlap: their sum is not the time the run took.",
+        speed_note=speed_note(record["timings"]),
         missing=run.missing,
         notes=tuple(str(note) for note in record["notes"]),
         facts=_facts(record),
@@ -52,15 +53,34 @@ def run_page(run: Folder, output: Path, video: VideoMode) -> Page:
 
 
 def run_section(
-    run: Folder, flight: Flight | None, key: str, name: str, output: Path, video: VideoMode, budget: Budget
+    run: Folder,
+    flight: Flight | None,
+    key: str,
+    name: str,
+    output: Path,
+    video: VideoMode,
+    budget: Budget,
+    *,
+    has_truth: bool,
 ) -> tuple[Section, Film | None]:
-    """Return video, timeline and charts of a run, and its film; what is missing is said in it."""
+    """Return video, timeline and charts of a run, and its film; what is missing is said in it.
+
+    has_truth: the run is one of an evaluation, which compares with truth.
+    """
     if flight is None:
         return Section(key, name, None, None, (), missing=("No timeline: frames.csv is missing or has no row.",)), None
-    made = film(run.video, flight, output, video, budget)
-    charts = tuple(draw(chart) for chart in run_charts(flight))
+    without = _without_video(run.record, "eval" if has_truth else "track")
+    made = film(run.video, flight, output, video, budget, without=without)
+    charts = tuple(draw(chart) for chart in run_charts(flight, has_truth=has_truth))
     missing = () if flight.has_clock else ("The recording has no clock: the timeline counts frames.",)
     return Section(key, name, made, timeline(flight), charts, missing=missing), made
+
+
+def _without_video(record: Mapping[str, Any], command: str) -> str:
+    """Return why a run has no video: by its own record it saved one, or it was not asked to."""
+    if "video" in (record["config"].get("save") or ()):
+        return f"{VIDEO_FILE} is missing: the run saved one, but it is not in its folder any more"
+    return f"the run saved none; give `landtool {command}` --save csv,video for one"
 
 
 def spread(flight: Flight) -> float:

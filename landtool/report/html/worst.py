@@ -54,6 +54,11 @@ def worst(faults: Sequence[Fault], apart: float, most: int = MOST) -> list[Momen
     return [Moment(fault, _words(fault, faults)) for fault in chosen]
 
 
+def length(metres: float) -> str:
+    """Return a length with the digits that tell something: below a decimetre in millimetres."""
+    return f"{1000.0 * metres:.2g} mm" if metres < 0.0995 else f"{metres:.2f} m"
+
+
 def _words(shown: Fault, faults: Sequence[Fault]) -> tuple[str, ...]:
     same = [f.words for f in faults if (f.place, f.frame) == (shown.place, shown.frame) and f is not shown]
     return tuple(dict.fromkeys((shown.words, *same)))

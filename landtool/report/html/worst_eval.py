@@ -6,13 +6,19 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from landtool.io.tables import Cell, ReadTable
-from landtool.report.html.worst import Fault
+from landtool.report.html.worst import Fault, length
 
+# Smaller errors trouble no landing: a page of them would only look like trouble
+_PLACE_SHARE, _PLACE_M, _NORMAL_DEG = 0.01, 0.01, 2.0
+UNNOTABLE = (
+    "no flip, no miss, no false alarm, no place off by more than "
+    f"{_PLACE_SHARE:.0%} of the distance and {100 * _PLACE_M:g} cm, no tilt off by more than {_NORMAL_DEG:g} deg"
+)
 _KINDS = ("flip", "miss", "missed target", "false alarm", "place", "normal")  # the weightiest first
 
 
 def evaluation_faults(tables: Mapping[str, ReadTable]) -> list[Fault]:
-    """Return flips, misses, false alarms and large errors; `place` is the clip or part and the file in it."""
+    """Return flips, misses, false alarms and notable errors; `place` is the clip or part and the file in it."""
     found: list[Fault] = []
     if poses := tables.get("pose_errors.csv"):
         found += _poses(poses)
@@ -32,11 +38,11 @@ def _poses(table: ReadTable) -> Iterator[Fault]:
             yield Fault("flip", max(normal_deg, 1.0), words, at, frame, clip)
         if not method and _number(row["visible"]) > 0.0:
             yield Fault("miss", -distance_m, f"no pose of the pad {away}", at, frame, clip)
-        if place_m > 0.0 and distance_m > 0.0:
+        if distance_m > 0.0 and place_m > max(_PLACE_M, _PLACE_SHARE * distance_m):
             share = 100.0 * place_m / distance_m
-            words = f"the pad's place {place_m:.2f} m off {away} ({share:.1f} %), by {method}"
+            words = f"the pad's place {length(place_m)} off {away} ({share:.2g} %), by {method}"
             yield Fault("place", share, words, at, frame, clip)
-        if normal_deg > 0.0:
+        if normal_deg > _NORMAL_DEG:
             yield Fault(
                 "normal", normal_deg, f"the pad's tilt {normal_deg:.1f} deg off {away}, by {method}", at, frame, clip
             )

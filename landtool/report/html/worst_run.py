@@ -8,10 +8,14 @@ import numpy as np
 
 from landtool.report.gaps import NOTABLE_S
 from landtool.report.html.flight import Flight
-from landtool.report.html.worst import Fault
+from landtool.report.html.worst import Fault, length
 
 _MISFIT_PX = 3.0  # a corner further off than this was not misread by noise
 _AMBIGUOUS = 0.8  # the two solutions of a pose fit nearly alike
+_RESIDUAL_M = 0.05  # what a landing does not feel
+UNNOTABLE = (
+    f"no gap over {NOTABLE_S:g} s, no lost or damaged picture, no prediction off by more than {100 * _RESIDUAL_M:g} cm"
+)
 _MOST_RESIDUALS = 200  # to choose from: more than a page could show
 _HANDOVERS = ("near stage:", "far stage:")  # reasons that tell of a change of stage, which is nothing wrong
 
@@ -63,15 +67,16 @@ def _pictures(flight: Flight) -> Iterator[Fault]:
 
 
 def _residuals(flight: Flight) -> Iterator[Fault]:
-    """The largest prediction errors, whatever their size: there always is a worst one."""
+    """The largest prediction errors that matter."""
     known = np.flatnonzero(np.isfinite(flight.residual_m))
     if not len(known):
         return
     median = float(np.median(flight.residual_m[known]))
+    known = known[flight.residual_m[known] > _RESIDUAL_M]
     for i in known[np.argsort(-flight.residual_m[known], kind="stable")][:_MOST_RESIDUALS]:
         size = float(flight.residual_m[i])
         made = f"the prediction made {flight.horizon_s:g} s before" if flight.horizon_s else "the prediction"
-        yield _at(flight, "prediction", size, f"{made} was {size:.2f} m off (median {median:.2f} m)", int(i))
+        yield _at(flight, "prediction", size, f"{made} was {length(size)} off (median {length(median)})", int(i))
 
 
 def _refused(flight: Flight) -> Iterator[Fault]:

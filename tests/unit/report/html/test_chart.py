@@ -102,3 +102,13 @@ def test_an_axis_of_nothing_is_one_all_the_same() -> None:
     low, high = span(np.array([2.0]))
     assert low < 2.0 < high
     assert span(np.array([-1.0, 0.0]), log=True) == (1.0, 10.0)
+
+
+@pytest.mark.parametrize("top", [1.0, 0.00042, 123456.0])
+def test_the_numbers_of_an_axis_have_room(top: float) -> None:
+    drawn = draw(chart(Series("small", AT, top * AT / 10.0)))
+    ticks = re.findall(r'<text x="(\d+)" y="[^"]*" text-anchor="end">([^<]+)</text>', str(drawn.svg))
+    assert len(ticks) > 2
+    for right, text in ticks:
+        assert int(right) == drawn.left - 6
+        assert int(right) >= 8 * len(text)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from landtool.report.html.flight import Flight, read_flight
 from landtool.report.html.folders import read_evaluation, read_folder
-from landtool.report.html.worst import Fault, worst
+from landtool.report.html.worst import Fault, length, worst
 from landtool.report.html.worst_eval import evaluation_faults
 from landtool.report.html.worst_run import run_faults
 from tests.unit.report.html.runs import landing, write_error_tables, write_evaluation, write_landing
@@ -91,3 +91,27 @@ def test_a_box_of_a_clip_is_in_the_clip_at_its_time(tmp_path: Path) -> None:
     faults = evaluation_faults(read_evaluation(tmp_path).tables)
     (missed,) = [fault for fault in faults if fault.kind == "missed target" and fault.frame == 30]
     assert (missed.place, missed.at) == ("straight", 1.5)
+
+
+def test_what_no_landing_feels_is_no_fault(tmp_path: Path) -> None:
+    write_error_tables(write_evaluation(tmp_path))
+    text = (tmp_path / "pose_errors.csv").read_text(encoding="utf-8").splitlines()
+    near = "shipped,straight,{},0,tag,near,5,5,20,0,1,{},0.01,0.01,{},1,0,1,1"
+    rows = [near.format(0, 0.004, 0.5), near.format(1, 0.04, 1.9), near.format(2, 0.064, 2.5)]
+    (tmp_path / "pose_errors.csv").write_text("\n".join([text[0], *rows]) + "\n", encoding="utf-8")
+    faults = [f for f in evaluation_faults(read_evaluation(tmp_path).tables) if f.kind in ("place", "normal")]
+    assert [fault.words for fault in faults] == [
+        "the pad's place 64 mm off at 5.0 m (1.3 %), by tag",
+        "the pad's tilt 2.5 deg off at 5.0 m, by tag",
+    ]
+
+
+def test_a_prediction_that_came_true_is_no_fault(tmp_path: Path) -> None:
+    rows = landing()[:5]  # in the first frames it is off by a millimetre a frame
+    assert [fault for fault in run_faults(flight_of(tmp_path, rows)) if fault.kind == "prediction"] == []
+
+
+def test_a_length_has_the_digits_that_tell_something() -> None:
+    assert [length(metres) for metres in (0.0004, 0.0123, 0.0994, 0.0996, 1.234)] == [
+        "0.4 mm", "12 mm", "99 mm", "0.10 m", "1.23 m",
+    ]  # fmt: skip

@@ -16,7 +16,15 @@ from landtool.report.html.film import Budget, film
 from landtool.report.html.flight import read_flight
 from landtool.report.html.folders import read_folder
 from landtool.report.html.write import write_report
-from tests.unit.report.html.runs import GATE, landing, metric, write_error_tables, write_evaluation, write_landing
+from tests.unit.report.html.runs import (
+    GATE,
+    gate_row,
+    landing,
+    metric,
+    write_error_tables,
+    write_evaluation,
+    write_landing,
+)
 from tests.unit.report.landings import STEP_NS, measured, result
 
 VOID = {"meta", "link", "br", "img", "input", "hr"}
@@ -117,8 +125,8 @@ def test_auto_links_what_is_too_large(tmp_path: Path) -> None:
     assert run.video is not None
     size = run.video.stat().st_size
     budget = Budget(2 * size - 1)
-    assert film(run.video, flight, tmp_path / "r.html", "auto", budget).data
-    second = film(run.video, flight, tmp_path / "r.html", "auto", budget)
+    assert film(run.video, flight, tmp_path / "r.html", "auto", budget, without="").data
+    second = film(run.video, flight, tmp_path / "r.html", "auto", budget, without="")
     assert (second.data, second.url) == ("", "run/annotated.mp4")
 
 
@@ -128,7 +136,7 @@ def test_a_lost_frame_shows_the_picture_before_it(tmp_path: Path) -> None:
     run = read_folder(write_landing(tmp_path / "run", rows))
     flight = read_flight(run)
     assert flight is not None
-    shown = film(run.video, flight, tmp_path / "r.html", "auto", Budget()).shown_s
+    shown = film(run.video, flight, tmp_path / "r.html", "auto", Budget(), without="").shown_s
     assert shown is not None
     assert shown[20] == shown[19]
     assert shown[21] == pytest.approx(21 * STEP_NS / 1e9, abs=1e-6)
@@ -194,7 +202,7 @@ def test_an_evaluation_shows_gate_numbers_and_clips(tmp_path: Path) -> None:
     text, checker = page(folder, tmp_path / "e.html")
     words = " ".join(checker.text.split())
     assert "Gate not met" in words
-    assert "1 worse than its tolerance allows" in words
+    assert "2 worse than its tolerance allows" in words
     assert "0.953 (0.8577 to 1.048), 120 of 126" in words
     assert "undefined, 0 of 0" in words
     assert "near 1" in words
@@ -205,6 +213,67 @@ def test_an_evaluation_shows_gate_numbers_and_clips(tmp_path: Path) -> None:
     assert "Precision and recall" in words
     assert "track_errors.csv was not saved" in words
     assert "straight, frame 40" in words
+
+
+def test_the_gate_shows_what_is_not_the_same_first(tmp_path: Path) -> None:
+    text, _ = page(write_evaluation(tmp_path / "eval", gate=GATE), tmp_path / "e.html")
+    gate = text[text.index('<div id="gate">') : text.index("In short")]
+    opened, folded = gate.split("<details>")
+    rows = re.findall(r'<tr( class="row-bad")?><th scope="row">(.*?)</th>(.*?)</tr>', opened)
+    assert [(bool(mark), key) for mark, key, _ in rows] == [
+        (True, "detection.map50"),
+        (True, "pose.normal_deg_median"),
+        (True, "pose.place_percent_median"),
+    ]
+    cells = [dict(re.findall(r'<td data-name="(.*?)">(.*?)</td>', row)) for _, _, row in rows]
+    assert cells[0] == {
+        "baseline": "0.95", "now": "0.7", "interval": "0.6 to 0.8", "allowed": "0.02", "worse by": "0.25",
+        "verdict": "worse",
+    }  # fmt: skip
+    assert (cells[2]["now"], cells[2]["verdict"]) == ("undefined", "gone")
+    assert "The same: 1</summary>" in folded
+    assert "tags.read" in folded
+
+
+def test_a_gate_without_a_change_says_so(tmp_path: Path) -> None:
+    same = {"passed": True, "baseline": "b.json", "rows": [gate_row("tags.read", 0.9, 0.9, "same", by=0.0)]}
+    assert (
+        "Nothing left its tolerance: 1 compared."
+        in page(write_evaluation(tmp_path / "eval", gate=same), tmp_path / "e.html")[1].text
+    )
+    empty = {"passed": False, "baseline": "b.json", "rows": [gate_row("tags.read", None, 0.9, "new")]}
+    words = page(write_evaluation(tmp_path / "new", gate=empty), tmp_path / "n.html")[1].text
+    assert "Nothing could be compared, against b.json" in words
+    assert "left its tolerance" not in words
+
+
+def test_why_there_is_no_video_is_said(tmp_path: Path) -> None:
+    said = {}
+    for name, save in (("none", ("csv",)), ("lost", ("csv", "video"))):
+        run = write_landing(tmp_path / name, landing(), video=False, save=save)
+        said[name] = page(run, tmp_path / f"{name}.html")[1].text
+    assert "the run saved none; give `landtool track` --save csv,video for one." in said["none"]
+    assert "annotated.mp4 is missing: the run saved one" in said["lost"]
+    assert "the run saved none" not in said["lost"]
+    folder = write_evaluation(tmp_path / "eval")
+    write_landing(folder / "runs" / "straight", landing(), video=False, save=("csv",))
+    assert "give `landtool eval` --save csv,video for one." in page(folder, tmp_path / "e.html")[1].text
+
+
+def test_the_run_of_an_evaluation_has_truth(tmp_path: Path) -> None:
+    assert "The run has no truth" in page(write_landing(tmp_path / "run", landing()), tmp_path / "r.html")[1].text
+    folder = write_evaluation(tmp_path / "eval")
+    write_landing(folder / "runs" / "straight", landing())
+    assert "no truth" not in page(folder, tmp_path / "e.html")[1].text
+
+
+def test_times_say_what_their_stages_are(tmp_path: Path) -> None:
+    spent = [{"model": "shipped", "stage": name, "frames": 10, "seconds": 0.3} for name in ("detect", "look")]
+    folder = write_evaluation(tmp_path / "eval", speed=spent)
+    words = page(folder, tmp_path / "e.html")[1].text
+    assert "detect: the network inside `landtool track`" in words
+    assert "look: one whole look of the network at a picture with its rings, as in `landtool detect`" in words
+    assert "tags: reading" not in words
 
 
 def test_an_evaluation_of_nothing_is_undefined(tmp_path: Path) -> None:
