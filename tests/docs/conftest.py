@@ -51,7 +51,7 @@ def blocks(page: Path, kind: str | None = None) -> list[Block]:
 def named_blocks(page: Path) -> Iterator[tuple[str, str]]:
     """Yield the files a page shows: blocks whose first line is a comment that names them."""
     for block in blocks(page):
-        name = re.match(r"# ([\w./-]+\.\w+)\b", block.text)
+        name = re.match(r"# ([\w./-]*\.\w+)\b", block.text)
         if name:
             yield name[1], block.text
 

@@ -24,7 +24,7 @@ from tests.docs.test_examples import examples
 
 PAGE = DOCS / "ci.md"
 WORKFLOW = ".github/workflows/landing.yml"
-FILES = {WORKFLOW, "landtool.toml", "tolerance.toml"}
+FILES = {WORKFLOW, "landtool.toml", "tolerance.toml", ".gitignore"}
 CLIP, FRAMES = "straight", 30
 # As the page has it, and so short that a test can wait for it
 SHORTER = ("--duration 4 --height 5", "--duration 2 --fps 8 --height 2")
@@ -72,8 +72,7 @@ def repository(tmp_path_factory: pytest.TempPathFactory) -> Repository:
     for example in examples(PAGE)[:2]:  # a generated clip, the first baseline
         told = here.sh(example.command.replace(*SHORTER))
         assert told.returncode == 0, told.stderr
-    shutil.rmtree(made / "score")
-    told = here.sh("git init -q && git add . && git commit -q -m first && git clone -q . ../checked-out")
+    told = here.sh("git init -q && git add -A && git commit -q -m first && git clone -q . ../checked-out")
     assert told.returncode == 0, told.stderr
     return Repository(top / "checked-out", environment)
 
@@ -108,8 +107,17 @@ def cut_clip(folder: Path, name: str, count: int) -> None:
 
 def test_the_page_holds_every_file_it_lists() -> None:
     assert {name for name, _ in named_blocks(PAGE)} == FILES
+    assert "--overwrite" not in PAGE.read_text(encoding="utf-8")
     text = PAGE.read_text(encoding="utf-8")
     assert all(name in text.split("## The clips")[0] for name in FILES)
+
+
+def test_what_landtool_writes_is_not_kept(repository: Repository) -> None:
+    told = repository.sh("git ls-files")
+    kept = {name.partition("/")[0] for name in told.stdout.splitlines()}
+    assert kept == {"clips", "landtool.toml", "baseline.json", "tolerance.toml", ".github", ".gitignore"}
+    told = repository.sh("cd ../made && git status --porcelain --ignored")
+    assert told.stdout == "!! score/\n"
 
 
 def test_the_gate_passes_and_fails(repository: Repository) -> None:
