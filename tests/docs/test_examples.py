@@ -35,7 +35,7 @@ EMPTY = {"start.md": ("flight.mp4",)}
 NOT_RUN = {
     "make": "needs the repository and a network; the target must exist",
     "python3 -m venv": "the tests run in an environment of their own",
-    ". landtool-env": "the tests run in an environment of their own",
+    ". ~/landtool-env": "the tests run in an environment of their own",
     "pip install": "needs a network",
     "landtool completion": "shown with the reader's shell and files; tests/cli prints the scripts",
 }
