@@ -29,6 +29,12 @@ RESUME_PREFIX = f"{TEMPORARY_PREFIX}resume-"
 
 # Tells whether all names in a folder are landtool's own
 NamesCheck = Callable[[set[str]], bool]
+# What a folder is that holds the file; an evaluation has runs in it, so it comes first
+_MARKS = {
+    "metrics.json": "an evaluation (metrics.json)",
+    "run.json": "a run of landtool (run.json)",
+    "manifest.json": "a generated dataset (manifest.json)",
+}
 # What the user can do about a write that failed
 _HINTS = {
     errno.ENOSPC: "free some space or choose another -o",
@@ -75,7 +81,7 @@ def atomic_folder(path: Path, *, overwrite: bool = False, mark: str | NamesCheck
     folder as it was.
 
     Raises OutputExistsError when `path` is taken and `overwrite` is false, UsageError when it is a file, the current
-    folder or holds files landtool did not write, OutputError when it cannot be written.
+    folder or holds what another command or somebody else wrote, OutputError when it cannot be written.
     """
     target = _real(path)  # a link to a folder stays a link
     _refuse_folder(path, target, overwrite, mark)
@@ -258,7 +264,13 @@ def _refuse_folder(path: Path, target: Path, overwrite: bool, mark: str | NamesC
     if names and not overwrite:
         raise OutputExistsError(path)
     if names and not (mark in names if isinstance(mark, str) else mark(names)):
-        raise UsageError("holds files landtool did not write", file=path, hint="choose another -o or empty it")
+        raise UsageError(_foreign(target), file=path, hint="choose another -o or empty it")
+
+
+def _foreign(folder: Path) -> str:
+    """Return what a folder holds that is not to be replaced: what another command wrote, or other files."""
+    found = next((kind for mark, kind in _MARKS.items() if (folder / mark).is_file()), None)
+    return f"holds {found}, which this command does not replace" if found else "holds files landtool did not write"
 
 
 def _swap_folder(temporary: Path, target: Path) -> None:

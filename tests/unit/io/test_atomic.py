@@ -234,6 +234,21 @@ class TestFolder:
             pass
         assert names(tmp_path) == ["photos"]
 
+    @pytest.mark.parametrize(
+        ("name", "mark", "said"),
+        [
+            ("run.json", "metrics.json", r"holds a run of landtool \(run\.json\), which this command does not replace"),
+            ("metrics.json", "run.json", r"holds an evaluation \(metrics\.json\), which"),
+            ("manifest.json", "run.json", r"holds a generated dataset \(manifest\.json\), which"),
+        ],
+    )
+    def test_says_what_another_command_wrote(self, name: str, mark: str, said: str, tmp_path: Path) -> None:
+        (tmp_path / "out").mkdir()
+        (tmp_path / "out" / name).write_text("{}")
+        with pytest.raises(UsageError, match=said), atomic_folder(tmp_path / "out", overwrite=True, mark=mark):
+            pass
+        assert names(tmp_path) == ["out", f"out/{name}"]
+
     def test_refuses_files_and_the_current_folder(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (tmp_path / "file").write_text("x")
         with pytest.raises(UsageError, match="is a file"), atomic_folder(tmp_path / "file", overwrite=True):
