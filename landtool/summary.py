@@ -65,7 +65,7 @@ class _Heights:
         """Return what is suspicious, one sentence each."""
         said = []
         if self._below:
-            said.append(f"in {self._below} frames the drone is below the pad it looks down on; check --mount")
+            said.append(f"frames in which the drone is below the pad it looks down on: {self._below}; check --mount")
         if self._high - self._low > _MOST_RISE_M:
             moved = f"the pad's height in the world changes by {self._high - self._low:.1f} m during the run"
             said.append(f"{moved}; unless it is lifted, check --diameter, --mount, and the clock and place of --ego")
@@ -159,7 +159,7 @@ class Summary:
         if self.unmeasured:
             width, height = self._size
             said.append(
-                f"{self.unmeasured} pictures are not of the camera's {width}x{height}, no pose is measured in them"
+                f"pictures not of the camera's {width}x{height}, no pose is measured in them: {self.unmeasured}"
             )
         if self.unplaced:
             place = f"the drone's own pose is not known at {self.unplaced} of the {self.posed} poses of the pad"
@@ -248,5 +248,5 @@ class DetectionSummary:
         if self.frames and not self.boxed:
             said.append(f"no box of a score of {self._conf:g} or more in any frame; a lower --conf shows weaker ones")
         if self.unsearched:
-            said.append(f"{self.unsearched} pictures are too small to be searched")
+            said.append(f"pictures too small to be searched: {self.unsearched}")
         return said

@@ -96,6 +96,6 @@ def _tell(console: Console, path: Path, outcome: RunOutcome) -> None:
         console.result(f"  {line}")
     console.result(f"  {outcome.summary.frames / outcome.wall_s:.0f} frames/s over {outcome.wall_s:.1f} s")
     if counts.damaged or counts.lost:
-        console.warning(f"{path}: {counts.damaged} frames damaged, {counts.lost} lost, of {outcome.summary.frames}")
+        console.warning(f"{path}: damaged {counts.damaged}, lost {counts.lost}, of {outcome.summary.frames} frames")
     for note in outcome.notes:
         console.warning(f"{path}: {note}")

@@ -31,8 +31,8 @@ def clock_lines(clock: Clock) -> Iterator[Line]:
     if len(clock.gaps) > SHOWN:
         yield "", f"and {len(clock.gaps) - SHOWN} more"
     if clock.repeated or clock.backward:
-        back = "" if clock.backward is None else f", {clock.backward} go back"
-        yield "order", f"{clock.repeated} times repeat the one before{back}"
+        back = "" if clock.backward is None else f", {counted(clock.backward, 'step')} back"
+        yield "order", f"{counted(clock.repeated, 'time')} equal to the one before{back}"
 
 
 def _gap(gap: Gap, clock: Clock) -> str:

@@ -62,7 +62,7 @@ class ImageFolderSource:
         self.path = Path(path)
         self.fps = fps
         self.files, ignored = ([self.path], 0) if self.path.is_file() else _image_files(self.path)
-        self._notes = [f"{ignored} entries that are no images were left out"] if ignored else []
+        self._notes = [f"left out, as they are no images: {ignored}"] if ignored else []
         self.report = SourceReport()
         self._passes: list[Generator[Frame | LostFrame, None, None]] = []
         self.info = self._describe()

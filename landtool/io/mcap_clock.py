@@ -54,7 +54,7 @@ class ClockCheck:
         if self.stamps.count > 1 and self.stamps.lowest_ns == self.stamps.highest_ns:
             return "are all the same"
         if self.stamps.back > self.log.back or self.stamps.last_ns < self.stamps.first_ns:
-            return f"go back {self.stamps.back} times"
+            return f"go back {_often(self.stamps.back)}"
         return ""
 
     @property
@@ -68,11 +68,15 @@ class ClockCheck:
         if self.fault:
             notes.append(f"the header stamps of {topic} {self.fault}: the times of logging are used instead")
         if self.chosen.back:
-            notes.append(f"the times of {topic} go back {self.chosen.back} times")
+            notes.append(f"the times of {topic} go back {_often(self.chosen.back)}")
         if self.chosen.repeated:
-            notes.append(f"{self.chosen.repeated} times of {topic} repeat the one before")
+            notes.append(f"times of {topic} that repeat the one before: {self.chosen.repeated}")
         return notes
 
     def t_ns(self, stamp_ns: int, log_time_ns: int) -> int:
         """Return a message's time on the chosen clock."""
         return log_time_ns if self.fault else stamp_ns
+
+
+def _often(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

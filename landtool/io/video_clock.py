@@ -74,4 +74,4 @@ class VideoClock:
     def note_order(self) -> None:
         """Note times that repeat or step back; they were given out as they are."""
         if self.disorder:
-            self.report.note(f"{self.disorder} pictures have a time not after the one before; kept as recorded")
+            self.report.note(f"pictures with a time not after the one before, kept as recorded: {self.disorder}")

@@ -99,11 +99,11 @@ class VideoWriter:
         if self.width % 2 or self.height % 2:
             notes.append("an odd side was padded by one pixel, as H.264 players need it even")
         if self.bumped:
-            notes.append(f"{self.bumped} pictures not later than the one before were moved to the next tick")
+            notes.append(f"pictures not later than the one before, moved to the next tick: {self.bumped}")
         if self.closed_s:
             notes.append(f"{float(self.closed_s):.9g} s without a picture do not fit an MP4 and were left out of it")
         if self.resized:
-            notes.append(f"{self.resized} pictures of another size were scaled to {self.width}x{self.height}")
+            notes.append(f"pictures of another size, scaled to {self.width}x{self.height}: {self.resized}")
         return notes
 
     def write(self, image: Image, t_ns: int | None) -> None:

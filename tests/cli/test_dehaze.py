@@ -144,7 +144,7 @@ def test_a_damaged_video_is_counted(dehaze: Dehaze, landing: Landing, here: Path
     zeroed(landing.video(here / "bad.mp4", times=3), 0.4, 0.05)
     told = dehaze("bad.mp4", "-o", "clear.mp4", "--when", "on")
     assert told.code == 3
-    assert re.search(rf"bad\.mp4: \d+ frames damaged, \d+ lost, of {3 * COUNT}", told.err)
+    assert re.search(rf"bad\.mp4: damaged \d+, lost \d+, of {3 * COUNT}", told.err)
     times = {frame.t_ns for frame in frames("bad.mp4")}
     assert {frame.t_ns for frame in frames("clear.mp4")} == times
 

@@ -217,7 +217,7 @@ def test_one_small_picture_does_not_cost_the_others(detect: Detect, landing: Lan
     assert cv2.imwrite(str(folder / "a.png"), np.zeros((2, 2, 3), np.uint8))
     told = detect("shots", *NET, "-o", "out", "--save", "csv")
     assert told.code == 3
-    assert "1 pictures are too small to be searched" in told.err
+    assert "pictures too small to be searched: 1" in told.err
     assert len(boxes("out/shots")) == 2
 
 

@@ -65,8 +65,12 @@ LOSSES: dict[str, tuple[Callable[[Landing, Path], Path], int, str]] = {
         5,
         "a chunk cannot be decompressed",
     ),
-    "broken image": (broken_images, 3, "0 frames damaged, 1 lost, of 4"),
-    "images of three sizes": (images_of_three_sizes, 4, "2 pictures are not of the camera's 320x240"),
+    "broken image": (broken_images, 3, "damaged 0, lost 1, of 4 frames"),
+    "images of three sizes": (
+        images_of_three_sizes,
+        4,
+        "pictures not of the camera's 320x240, no pose is measured in them: 2",
+    ),
 }
 
 

@@ -20,6 +20,7 @@ from landtool.inspect.advice import tag_range
 from landtool.inspect.clock import Gap, measure_clock
 from landtool.inspect.facts import Calibration, CameraFacts, Ego, Mount, Pad, Recording, Settings
 from landtool.inspect.text import as_text, as_values
+from landtool.inspect.words import clock_lines
 from landtool.io.calibration import camera_yaml
 from landtool.io.mcap_out import McapImageWriter
 from landtool.io.poses import CSV_COLUMNS
@@ -116,6 +117,19 @@ def test_times_that_repeat_and_go_back_are_counted_and_are_no_intervals() -> Non
     assert (clock.repeated, clock.backward) == (1, 1)
     assert clock.shortest_interval_ns == 10 * MS
     assert (clock.first_ns, clock.last_ns) == (0, 30 * MS)
+
+
+@pytest.mark.parametrize(
+    ("times_ms", "order"),
+    [
+        ((0, 10, 10, 20), "1 time equal to the one before, 0 steps back"),
+        ((0, 10, 5, 20, 20, 20), "2 times equal to the one before, 1 step back"),
+    ],
+)
+def test_the_order_of_times_in_words(times_ms: tuple[int, ...], order: str) -> None:
+    clock = measure_clock([t * MS for t in times_ms], "file")
+    assert clock is not None
+    assert dict(clock_lines(clock))["order"] == order
 
 
 def test_clocks_of_hardly_any_times() -> None:

@@ -32,7 +32,9 @@ def test_a_pad_that_climbs_in_the_world_is_suspicious() -> None:
 
 
 def test_a_drone_below_its_pad_is_suspicious() -> None:
-    assert "in 2 frames the drone is below the pad" in notes(result(i, altitude_m=-3.0) for i in range(2))
+    assert "frames in which the drone is below the pad it looks down on: 2" in notes(
+        result(i, altitude_m=-3.0) for i in range(2)
+    )
 
 
 @pytest.mark.parametrize(

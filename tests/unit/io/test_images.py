@@ -160,7 +160,7 @@ def test_other_entries_are_left_out_and_noted(tmp_path: Path) -> None:
     (tmp_path / ".hidden.png").write_bytes(b"x")
     source = ImageFolderSource(tmp_path)
     assert [frame.file for frame in source] == ["a.png"]
-    assert source.report.notes == ["2 entries that are no images were left out"]
+    assert source.report.notes == ["left out, as they are no images: 2"]
 
 
 def test_folders_without_images_are_refused(tmp_path: Path) -> None:
