@@ -220,7 +220,7 @@ def _default_pad() -> str:
 def camera_need(why: str, beside: Path | None = None) -> Need:
     """Ask for a calibration; beside: one that lies beside the recording."""
     if beside is not None:
-        return Need(_option("--camera", beside), f"{why}, it lies beside them")
+        return Need(_option("--camera", beside), "the calibration that lies beside it")
     return Need("--camera CAM.yaml", f"{why}; --hfov DEG stands in for a file nobody has")
 
 

@@ -57,7 +57,7 @@ LOSSES: dict[str, tuple[Callable[[Landing, Path], Path], int, str]] = {
     "a tenth zeroed": (
         lambda landing, here: zeroed(landing.remuxed(here / "rec.mp4", FRONT), 0.5),
         7,
-        f" lost, of {COUNT}",
+        f", of {COUNT} frames",
     ),
     "cut log": (lambda landing, here: cut(landing.log(here / "rec.mcap"), 0.7), 5, "the log is cut at byte"),
     "log, a tenth zeroed": (
