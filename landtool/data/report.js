@@ -58,14 +58,16 @@
       }
     }
     // One after the other, the last one wins: browsers choke on a seek inside a seek
-    let wanted = null;
+    let wanted = null, target = null;
     function go(seconds) {
       if (video.seeking) wanted = seconds; else video.currentTime = seconds;
     }
     // Half a millisecond into the picture, or rounding would show the one before
     function seek(i) {
       show(i);
-      if (video && line.shown) go(line.shown[i] + 0.0005);
+      if (!video || !line.shown) return;
+      target = line.shown[i] + 0.0005;
+      go(target);
     }
     const seekTo = (at) => seek(lastAt(line.at, at));
 
@@ -119,14 +121,20 @@
       });
     }
     if (video && line.shown) {
+      const short = () => target !== null && video.paused && target > video.currentTime + 0.001;
       const follow = () => { if (!video.seeking && wanted === null) show(lastAt(line.shown, video.currentTime + 0.0005)); };
       const each = () => { follow(); if (!video.paused) requestAnimationFrame(each); };
       video.addEventListener("play", each);
       video.addEventListener("seeked", () => {
         const next = wanted;
         wanted = null;
-        if (next === null) follow(); else video.currentTime = next;
+        if (next !== null) { video.currentTime = next; return; }
+        if (short()) return;
+        target = null;
+        follow();
       });
+      // Of a video that starts late a browser first takes the end for too early, and seeks no further than that
+      video.addEventListener("durationchange", () => { if (short()) go(target); });
       video.addEventListener("timeupdate", follow);
     }
     show(0);

@@ -38,6 +38,11 @@ for (const e of document.querySelectorAll("body *")) {
 }
 return [document.querySelectorAll("body *").length, getComputedStyle(document.body).backgroundColor, found];
 """
+# The grey level of the video's picture
+SHOWN = """
+const v = document.querySelector("video"), c = document.createElement("canvas").getContext("2d");
+c.drawImage(v, 0, 0, 1, 1); return c.getImageData(0, 0, 1, 1).data[0];
+"""
 Page = Callable[..., Any]
 
 
@@ -174,16 +179,28 @@ def test_the_keyboard_steps_by_frames_and_seconds(report: Path, show: Page) -> N
 def test_what_is_shown_is_the_frame_that_was_asked_for(report: Path, show: Page) -> None:
     browser = show(report)
     wait(browser, READY)
-    shown = """
-    const v = document.querySelector("video"), c = document.createElement("canvas").getContext("2d");
-    c.drawImage(v, 0, 0, 1, 1); return c.getImageData(0, 0, 1, 1).data[0];
-    """
     levels = []
     for i in (5, 20, 55):
         browser.execute_script(f"{VIDEO}.currentTime = {i / FPS} + 0.0005")
         wait(browser, f"!{VIDEO}.seeking")
-        levels.append(browser.execute_script(shown))
+        levels.append(browser.execute_script(SHOWN))
     assert levels == pytest.approx([20 + 2 * i for i in (5, 20, 55)], abs=3)
+
+
+def test_a_video_that_starts_late_shows_the_frame_that_was_asked_for(folder: Path, show: Page) -> None:
+    from selenium.webdriver.common.by import By
+    from selenium.webdriver.common.keys import Keys
+
+    run = write_landing(folder / "late", landing(), start_ns=700_000_000)
+    write_report(run, folder / "late.html", video="embed")
+    browser = show(folder / "late.html")
+    wait(browser, READY)
+    slider = browser.find_element(By.CSS_SELECTOR, ".timeline")
+    for keys, frame in (((Keys.END,), 59), ((Keys.HOME,), 0), ((Keys.ARROW_UP, Keys.ARROW_RIGHT), 21)):
+        slider.send_keys(*keys)
+        wait(browser, f"!{VIDEO}.seeking && Math.abs({VIDEO}.currentTime - {0.7 + frame / FPS}) < 0.002")
+        assert browser.execute_script(SHOWN) == pytest.approx(20 + 2 * frame, abs=3)
+        assert f"frame {frame}, " in slider.get_attribute("aria-valuetext")
 
 
 def test_a_worst_frame_and_a_chart_seek_too(report: Path, show: Page) -> None:
@@ -221,6 +238,22 @@ def test_nothing_sticks_out_of_a_phone(which: str, show: Page, request: pytest.F
         " 12.5 * s.getBoundingClientRect().width / s.viewBox.baseVal.width))"
     )
     assert smallest >= 9.0  # CSS pixels of a chart's letters
+
+
+@pytest.mark.parametrize("size", ["desktop", "phone"])
+def test_the_main_tables_need_no_scrolling(size: str, evaluation: Path, show: Page) -> None:
+    browser = show(evaluation, size)
+    browser.execute_script("document.querySelectorAll('#gate details').forEach((d) => { d.open = true; })")
+    wide = browser.execute_script(
+        "return [...document.querySelectorAll('#gate .scroll, .tables .scroll')]"
+        ".map((s) => [s.getAttribute('aria-label'), s.clientWidth, s.scrollWidth])"
+    )
+    assert [name for name, _, _ in wide] == ["Gate: what is not the same", "The same: 1", "In short"]
+    assert all(inside >= needed for _, inside, needed in wide)
+    whole = browser.execute_script("return document.querySelector('#numbers').clientWidth")
+    assert min(inside for _, inside, _ in wide) == whole
+    worse = browser.execute_script("return document.querySelector('#gate .row-bad').innerText")
+    assert all(word in worse for word in ("detection.map50", "0.95", "0.7", "0.25", "worse"))
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

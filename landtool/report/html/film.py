@@ -33,7 +33,7 @@ class Film:
     """A run's video. data: base64, empty where it is not embedded. url: relative, empty where it is not linked.
 
     said: what there is, or why there is none. times: None where the file cannot be read. shown_s: when the player shows
-    each frame of the flight, None where there is nothing to seek to.
+    each frame of the flight, on the file's own clock, which may begin later than 0; None where nothing can be sought.
     """
 
     said: str
@@ -78,8 +78,7 @@ def stills(made: Film, frames: list[int]) -> list[str]:
     """Return pictures of frames of the flight, by place in it, as base64 JPEGs; "" where there is none."""
     if made.path is None or made.times is None or made.shown_s is None:
         return [""] * len(frames)
-    start_ns = made.times.t_ns[0]
-    wanted = [_at(made.times, start_ns + round(made.shown_s[i] * NS)) for i in frames]
+    wanted = [_at(made.times, round(made.shown_s[i] * NS)) for i in frames]
     try:
         found = read_stills(made.path, wanted, STILL_PX)
     except LandtoolError:
@@ -93,7 +92,9 @@ def _at(times: VideoTimes, t_ns: int) -> int:
 
 
 def _shown_s(flight: Flight, times: VideoTimes) -> tuple[float, ...]:
-    """Return for each frame when its picture is shown, seconds after the video's first; a lost one has that before it.
+    """Return for each frame when its picture is shown, on the video's clock in s; a lost one has that before it.
+
+    A player counts by that clock, too: where the first picture comes later than 0, so does all of it.
 
     Where the video holds as many pictures as the flight they are the same ones, else they are found by their times.
     """
@@ -107,7 +108,7 @@ def _shown_s(flight: Flight, times: VideoTimes) -> tuple[float, ...]:
             last = next(pictures)
         elif not in_order and t_ns is not None:
             last = _at(times, max(start_ns, t_ns - first_ns + start_ns))
-        shown.append((last - start_ns) / NS)
+        shown.append(last / NS)
     return tuple(shown)
 
 

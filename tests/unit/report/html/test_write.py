@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 
 from landtool.errors import InputError, OutputExistsError, UsageError
 from landtool.io.tables import TABLES
-from landtool.report.html.film import Budget, film
+from landtool.report.html.film import Budget, film, stills
 from landtool.report.html.flight import read_flight
 from landtool.report.html.folders import read_folder
 from landtool.report.html.write import write_report
@@ -142,6 +145,20 @@ def test_a_lost_frame_shows_the_picture_before_it(tmp_path: Path) -> None:
     assert shown[21] == pytest.approx(21 * STEP_NS / 1e9, abs=1e-6)
     _, checker = page(run.path, tmp_path / "r.html")
     assert "no picture could be got from the recording" in checker.text
+
+
+def test_a_late_video_is_sought_by_its_own_clock(tmp_path: Path) -> None:
+    run = read_folder(write_landing(tmp_path / "run", landing(), start_ns=700_000_000))
+    flight = read_flight(run)
+    assert flight is not None
+    made = film(run.video, flight, tmp_path / "r.html", "auto", Budget(), without="")
+    assert made.shown_s is not None
+    assert made.shown_s == pytest.approx([0.7 + i * STEP_NS / 1e9 for i in range(60)], abs=1e-6)
+    levels = [
+        cv2.imdecode(np.frombuffer(base64.b64decode(jpeg), np.uint8), cv2.IMREAD_COLOR).mean()  # type: ignore[union-attr]
+        for jpeg in stills(made, [0, 30, 59])
+    ]
+    assert levels == pytest.approx([20, 80, 138], abs=3)
 
 
 def test_a_cut_video_is_said_and_the_rest_is_there(tmp_path: Path) -> None:
@@ -305,7 +322,7 @@ def test_what_is_neither_is_refused(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="is no folder"):
         write_report(tmp_path / "file", tmp_path / "r.html")
     write_landing(tmp_path / "track" / "flight", landing(2), video=False)
-    with pytest.raises(UsageError, match=r"holds 1 runs and is none itself; give .*flight"):
+    with pytest.raises(UsageError, match=r"holds a run and is none itself; give .*flight"):
         write_report(tmp_path / "track", tmp_path / "r.html")
     assert not (tmp_path / "r.html").exists()
 
