@@ -73,6 +73,9 @@ class Board:
             raise UsageError(f"no markers '{self.dictionary}'", hint=f"known: {', '.join(DICTIONARIES)}")
         if not 0.05 <= self.spacing <= 1.0:
             raise UsageError(f"a spacing of {self.spacing:g}", hint="the gap over the tag's side, 0.05 to 1")
+        if self.white_first and self.rows % 2:
+            reason = f"a board of {self.size} whose first square is white"
+            raise UsageError(reason, hint="older OpenCV drew it so only with an even number of rows; leave it out")
         known = {"charuco": 1000, "aprilgrid": len(tag_family(_FAMILY).codes)}.get(self.kind)
         if known is not None and self.markers > known:
             raise UsageError(f"a board of {self.size} needs {self.markers} markers", hint=f"there are {known}")
@@ -101,6 +104,8 @@ class Board:
     @classmethod
     def _of(cls, values: Mapping[str, Any]) -> Board:
         known = {field.name: type(field.default) for field in fields(cls)} | {"kind": str}
+        if "kind" not in values and "diameter_m" in values:
+            raise InputError("describes a landing pad, not a board", hint="landtool pad --board KIND -o board.toml")
         for key, value in values.items():
             if key not in known:
                 raise InputError(f"unknown key '{key}'", hint=f"known: {', '.join(known)}")
@@ -128,6 +133,11 @@ class Board:
     def size(self) -> str:
         """Columns and rows as `8x11`."""
         return f"{self.columns}x{self.rows}"
+
+    @property
+    def article(self) -> str:
+        """What stands before its kind or name in a sentence."""
+        return "an" if self.kind == "aprilgrid" else "a"
 
     @property
     def name(self) -> str:

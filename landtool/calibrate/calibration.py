@@ -16,7 +16,7 @@ from landtool.calibrate.corners import BoardView
 from landtool.calibrate.solve import LEAST_VIEWS, Solution, solve
 from landtool.camera import Camera, DistortionModel
 from landtool.errors import InputError
-from landtool.geometry import Array
+from landtool.geometry import Array, Pose, rotation_from_rotvec
 from landtool.io.camera_check import refuse_impossible
 
 Verdict = Literal["good", "usable", "poor"]
@@ -28,6 +28,8 @@ _BAND = 0.2  # of the picture's width or height: its sides
 _SEEN = 0.35  # of a side's cells
 _LEAST_TILT_DEG = 15.0
 _FOCAL = 0.005, 0.02  # relative standard deviations from which the focal length is said to be uncertain, and poor
+_UNDETERMINED = 0.1  # the same: distances are as wrong, and the covariance, a linear one, no longer says how much
+_SURE = 3.0  # standard deviations that tell a tilt from none
 _EDGE_PX = 1.0, 4.0  # the same of a ray at the picture's corners
 _RMS = 0.0015  # of the picture's width: corners fit worse when the board is bent, the shutter rolls or it is no board
 
@@ -55,7 +57,8 @@ class Calibration:
     """A calibrated camera and how far to trust it.
 
     cells: corners in each cell of the picture. tilts_deg: (V, 2) of each view's board about the picture's x and y, as
-    seen along the ray to it. edge_sigma_px: standard deviation of where a ray to the picture's worst corner is seen.
+    seen along the ray to it. tilt_sigmas_deg: (V, 2) standard deviations of them. edge_sigma_px: standard deviation of
+    where a ray to the picture's worst corner is seen.
     """
 
     board: Board
@@ -65,6 +68,7 @@ class Calibration:
     spare: int
     cells: NDArray[np.int64]
     tilts_deg: Array
+    tilt_sigmas_deg: Array
     edge_sigma_px: float
     warnings: tuple[str, ...]
     verdict: Verdict
@@ -78,6 +82,16 @@ class Calibration:
     def covered(self) -> float:
         """Share of the picture's cells that a corner lies in."""
         return float((self.cells > 0).mean())
+
+    @property
+    def largest_tilt_deg(self) -> tuple[float, float] | None:
+        """The largest tilt, degrees, and its standard deviation; None when none is told from square on."""
+        tilts, sigmas = np.abs(self.tilts_deg).ravel(), self.tilt_sigmas_deg.ravel()
+        sure = np.flatnonzero(tilts > _SURE * sigmas)
+        if not len(sure):
+            return None
+        largest = sure[tilts[sure].argmax()]
+        return float(tilts[largest]), float(sigmas[largest])
 
     @property
     def hfov_deg(self) -> float:
@@ -95,7 +109,8 @@ def calibrate_views(
 ) -> Calibration:
     """Calibrate from the views found in pictures of `size` (width, height).
 
-    Raises InputError for too few, for views that determine no camera, and for a camera that cannot be.
+    Raises InputError for too few, for views that determine no camera, its focal length uncertain by more than a tenth,
+    and for a camera that cannot be.
     """
     sharp, refused = _without_blurred(found)
     order = choose_views(board, [named.view for named in sharp], size)
@@ -112,6 +127,7 @@ def calibrate_views(
             refused.append(Refused(named.frame, named.file, reason))
         views = [named for named, off in zip(views, strange, strict=True) if not off]
         solution = solve(board, [named.view for named in views], size, model, solution.camera)
+    _refuse_undetermined(solution)
     try:
         refuse_impossible(solution.camera)
     except InputError as error:
@@ -125,7 +141,8 @@ def calibrate_views(
         tuple(sorted(refused, key=lambda r: r.frame)),
         len(sharp) - len(order),
         coverage([named.view for named in views], size),
-        _tilts_deg(board, solution),
+        np.array([_tilt_deg(board, pose) for pose in solution.poses]),
+        _tilt_sigmas_deg(board, solution),
         _edge_sigma_px(solution),
         (),
         "good",
@@ -152,19 +169,49 @@ def _strange(solution: Solution) -> NDArray[np.bool_]:
     return off
 
 
-def _tilts_deg(board: Board, solution: Solution) -> Array:
-    """Return the tilt (V, 2) of each board about x and y, against the ray to its middle, degrees."""
+def _focal_share(solution: Solution) -> float:
+    """Return the standard deviation of the focal length over it, of the less certain axis."""
+    camera, sigmas = solution.camera, solution.sigmas
+    return float(max(sigmas[0] / camera.fx, sigmas[1] / camera.fy))
+
+
+def _refuse_undetermined(solution: Solution) -> None:
+    if _focal_share(solution) <= _UNDETERMINED:
+        return
+    reason = (
+        f"the views do not determine the camera, focal length {solution.camera.fx:.0f} +- {solution.sigmas[0]:.0f} px"
+    )
+    hint = "film the board tilted by 30 degrees to all four sides, near and far"
+    raise InputError(reason, hint=hint)
+
+
+def _tilt_deg(board: Board, pose: Pose) -> Array:
+    """Return the tilt (2,) of a board about x and y, against the ray to its middle, degrees."""
     middle = np.array([*(v / 2.0 for v in board.extent_m), 0.0])
-    tilts = []
-    for pose in solution.poses:
-        ray = pose.apply(middle[None])[0]
-        ray /= np.linalg.norm(ray)
-        across = np.cross([0.0, 1.0, 0.0], ray)
-        across /= max(float(np.linalg.norm(across)), 1e-9)
-        down = np.cross(ray, across)
-        normal = pose.rotation[:, 2] * np.sign(pose.rotation[:, 2] @ ray)
-        tilts.append([np.arctan2(normal @ down, normal @ ray), np.arctan2(normal @ across, normal @ ray)])
-    return np.degrees(np.array(tilts))
+    ray = pose.apply(middle[None])[0]
+    ray /= np.linalg.norm(ray)
+    across = np.cross([0.0, 1.0, 0.0], ray)
+    across /= max(float(np.linalg.norm(across)), 1e-9)
+    down = np.cross(ray, across)
+    normal = pose.rotation[:, 2] * np.sign(pose.rotation[:, 2] @ ray)
+    tilt: Array = np.degrees(np.arctan2([normal @ down, normal @ across], normal @ ray))
+    return tilt
+
+
+def _tilt_sigmas_deg(board: Board, solution: Solution) -> Array:
+    """Return the standard deviations (V, 2) of the tilts, degrees: J C J', J by differences."""
+    step = 1e-6
+    sigmas = []
+    for pose, covariance in zip(solution.poses, solution.pose_covariances, strict=True):
+        vector = np.array([*pose.rotvec, *pose.translation])
+        columns = []
+        for i in range(6):
+            low, high = (vector + sign * step * np.eye(6)[i] for sign in (-1.0, 1.0))
+            tilts = [_tilt_deg(board, Pose(rotation_from_rotvec(v[:3]), v[3:])) for v in (low, high)]
+            columns.append((tilts[1] - tilts[0]) / (2.0 * step))
+        j = np.column_stack(columns)
+        sigmas.append(np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", j, covariance, j), 0.0)))
+    return np.array(sigmas)
 
 
 def sigma_map_px(solution: Solution, pixels: Array) -> Array:
@@ -218,7 +265,7 @@ def _warnings(calibration: Calibration) -> tuple[str, ...]:
         said.append(f"the board is hardly tilted {axis}; tilt it both ways")
     if len(calibration.views) < 10:
         said.append(f"only {len(calibration.views)} views; 15 and more make a calibration one can rely on")
-    share = float(max(solution.sigmas[0] / camera.fx, solution.sigmas[1] / camera.fy))
+    share = _focal_share(solution)
     if share > _FOCAL[0]:
         said.append(f"the focal length is uncertain by {100 * share:.1f} %: tilt the board more and bring it nearer")
     if calibration.edge_sigma_px > _EDGE_PX[0]:
@@ -236,7 +283,7 @@ def _warnings(calibration: Calibration) -> tuple[str, ...]:
 
 def _verdict(calibration: Calibration, warnings: Sequence[str]) -> Verdict:
     solution, camera = calibration.solution, calibration.camera
-    share = float(max(solution.sigmas[0] / camera.fx, solution.sigmas[1] / camera.fy))
+    share = _focal_share(solution)
     if share > _FOCAL[1] or calibration.edge_sigma_px > _EDGE_PX[1] or solution.rms_px > 2 * _RMS * camera.width:
         return "poor"
     return "usable" if warnings else "good"

@@ -63,7 +63,11 @@ def grey_of(image: Image) -> Grey:
 
 def find_board(image: Image, board: Board) -> Seen:
     """Find and measure the board's crossings in a picture (H, W, 3) BGR."""
-    grey = grey_of(image)
+    return find_in_grey(grey_of(image), board)
+
+
+def find_in_grey(grey: Grey, board: Board) -> Seen:
+    """Find and measure the board's crossings in a picture's brightness (H, W)."""
     if board.kind == "chessboard":
         pixels = find_chessboard(grey, board.columns, board.rows)
         if pixels is None:
@@ -248,15 +252,8 @@ def _like_the_board(board: Board, ids: NDArray[np.intp], fitted: Crossings) -> N
 def _joined(parts: list[BoardView]) -> BoardView:
     ids = np.concatenate([part.ids for part in parts])
     order = np.argsort(ids)
-    pixels, sigma, blur = (
-        np.concatenate(values)[order]
-        for values in (
-            [part.pixels for part in parts],
-            [part.sigma_px for part in parts],
-            [part.blur_px for part in parts],
-        )
-    )
-    return BoardView(ids[order], pixels, sigma, blur)
+    fields = ("pixels", "sigma_px", "blur_px")
+    return BoardView(ids[order], *(np.concatenate([getattr(part, name) for part in parts])[order] for name in fields))
 
 
 def _beside(board: Board, view: BoardView, tried: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -12,7 +13,7 @@ from landtool.calibrate.board import BORDER_MODULES, DICTIONARIES, Board
 from landtool.calibrate.corners import (
     Grey,
     Markers,
-    find_chessboard,
+    find_in_grey,
     fit_neighbours,
     place_markers,
     read_markers,
@@ -22,6 +23,8 @@ from landtool.errors import UsageError
 
 _ENOUGH = 4  # markers that are no accident
 _MOST_COLUMNS = 24
+_LEAST_SQUARES = 5  # each way, of a chessboard nobody spoke of
+_MEASURED = 0.8  # of its crossings
 _RATIO = 0.05  # relative difference of sizes that is said
 # What people say instead of a chessboard's columns and rows of squares, and a row or column miscounted
 _NEIGHBOURS = ((1, 1), (-1, -1), (1, 0), (0, 1), (-1, 0), (0, -1), (1, -1), (-1, 1))
@@ -29,13 +32,19 @@ _APRILTAG = cv2.aruco.DICT_APRILTAG_36h11
 
 
 def why_not_found(board: Board, pictures: Sequence[Grey]) -> str:
-    """Return what the pictures show instead of the board, or empty when they show nothing that is known."""
+    """Return what the pictures show instead of the board, or empty when no two of them agree on something known."""
     for look in (_other_layout, _mirrored, _other_kind, _other_chessboard, _any_chessboard):
-        for grey in pictures:
-            said = look(board, grey)
-            if said:
-                return said
+        said = _agreed([look(board, grey) for grey in pictures])
+        if said:
+            return said
     return ""
+
+
+def _agreed(sayings: Sequence[str]) -> str:
+    """Return what most pictures say, and two at least where there are two: one alone may be chance."""
+    counts = Counter(said for said in sayings if said)
+    said, count = counts.most_common(1)[0] if counts else ("", 0)
+    return said if count >= min(2, len(sayings)) else ""
 
 
 def _other_layout(board: Board, grey: Grey) -> str:
@@ -45,9 +54,15 @@ def _other_layout(board: Board, grey: Grey) -> str:
     other = fitting_board(board, markers) if len(markers.ids) >= _ENOUGH else None
     if other is None:
         return ""
-    if other.white_first != board.white_first and other.columns == board.columns:
-        return "the markers fit a board whose first square is white, as older OpenCV drew them; say --white-first"
-    return f"the markers fit a board {other.columns} wide; say --squares {other.size}"
+    if other.white_first == board.white_first or other.columns != board.columns:
+        first = " --white-first" if other.white_first else ""
+        # how many rows it has is seen only where it has more than was said
+        rows = str(board.rows) if other.rows <= board.rows else "ROWS"
+        return f"the markers fit a board {other.columns} wide; say --squares {other.columns}x{rows}{first}"
+    if board.white_first:
+        return "the markers fit a board whose first square is black; leave out --white-first"
+    rows = "" if board.rows % 2 == 0 else f" and --squares {board.columns}xROWS with an even number of rows"
+    return f"the markers fit a board whose first square is white, as older OpenCV drew them; say --white-first{rows}"
 
 
 def _other_chessboard(board: Board, grey: Grey) -> str:
@@ -64,9 +79,21 @@ def _neighbouring_size(board: Board, grey: Grey) -> tuple[int, int] | None:
     """Return the size near the one that was said with which a chessboard is found; inner corners counted first."""
     for more_columns, more_rows in _NEIGHBOURS:
         columns, rows = board.columns + more_columns, board.rows + more_rows
-        if min(columns, rows) >= 4 and find_chessboard(grey, columns, rows) is not None:
+        if _is_chessboard(grey, columns, rows):
             return columns, rows
     return None
+
+
+def _is_chessboard(grey: Grey, columns: int, rows: int) -> bool:
+    """Whether a picture shows for sure a chessboard of so many squares: its crossings are crossings.
+
+    OpenCV finds grids of 3x3 to 7x3 inner corners in any texture, in noise too.
+    """
+    if min(columns, rows) < _LEAST_SQUARES:
+        return False
+    tried = Board("chessboard", columns, rows)
+    view = find_in_grey(grey, tried).view
+    return view is not None and len(view.ids) >= _MEASURED * len(tried.points_m)
 
 
 def chessboard_size(grey: Grey) -> tuple[int, int] | None:
@@ -96,6 +123,7 @@ def fitting_board(board: Board, markers: Markers) -> Board | None:
         for white_first in firsts:
             per_row = columns if board.kind == "aprilgrid" else columns / 2.0
             rows = max(3, int(np.ceil((int(markers.ids.max()) + 1) / per_row)))
+            rows += rows % 2 if white_first else 0
             try:
                 tried = replace(board, columns=columns, rows=rows, white_first=white_first)
             except UsageError:
@@ -119,20 +147,20 @@ def _other_kind(board: Board, grey: Grey) -> str:
     if count < _ENOUGH:
         return ""
     if count == grid:
-        return "" if board.kind == "aprilgrid" else f"{grid} tags of an AprilGrid are seen; is it --board aprilgrid?"
+        return "" if board.kind == "aprilgrid" else "tags of an AprilGrid are seen; is it --board aprilgrid?"
     if count == plain:
-        return f"{plain} plain tag36h11 tags are seen, with one black module around them where an AprilGrid has two"
+        return "plain tag36h11 tags are seen, with one black module around them where an AprilGrid has two"
     if board.kind != "charuco":
-        return f"{count} ArUco markers of {bits} bits are seen; is it --board charuco?"
+        return f"ArUco markers of {bits} bits are seen; is it --board charuco?"
     return "" if board.dictionary == bits else f"markers of {bits} bits are seen; say --dictionary {bits}"
 
 
 def _any_chessboard(board: Board, grey: Grey) -> str:
     size = chessboard_size(grey)
-    if size is None or sorted(size) == sorted((board.columns, board.rows)):
+    if size is None or sorted(size) == sorted((board.columns, board.rows)) or not _is_chessboard(grey, *size):
         return ""
-    said = f"--squares {size[0]}x{size[1]}" if board.kind == "chessboard" else "--board chessboard"
-    return f"a chessboard of about {size[0]}x{size[1]} squares is seen; is it {said}?"
+    said = f"--squares {min(size)}x{max(size)}" if board.kind == "chessboard" else "--board chessboard"
+    return f"a chessboard of about {min(size)}x{max(size)} squares is seen; is it {said}?"
 
 
 def _mirrored(board: Board, grey: Grey) -> str:
@@ -143,10 +171,11 @@ def _mirrored(board: Board, grey: Grey) -> str:
     return "" if placed is None or len(placed[0]) < _ENOUGH else "the pictures are mirrored; record without"
 
 
-def what_differs(board: Board, pictures: Sequence[Grey]) -> list[str]:
-    """Return how the board in pictures that show it differs from what was said."""
+def what_differs(board: Board, pictures: Sequence[Grey], without: Sequence[Grey] = ()) -> list[str]:
+    """Return how the board in pictures that show it differs from what was said. without: some where it is not found."""
     if board.kind == "chessboard":
-        return _chessboard_differs(board, pictures)
+        kind = _agreed([_other_kind(board, grey) for grey in (*pictures, *without)])
+        return [kind] if kind else _chessboard_differs(board, pictures)
     largest, sides = -1, []
     for grey in pictures:
         markers = _all_markers(board, grey)
@@ -190,7 +219,7 @@ def _side_differs(board: Board, side: float) -> list[str]:
 def _chessboard_differs(board: Board, pictures: Sequence[Grey]) -> list[str]:
     for grey in pictures:
         size = chessboard_size(grey)
-        if size is not None and find_chessboard(grey, *size) is not None and min(size) >= 3:
+        if size is not None and _is_chessboard(grey, *size):
             wanted = sorted((board.columns, board.rows))
             grown = [a - b for a, b in zip(sorted(size), wanted, strict=True)]
             if min(grown) >= 0 and max(grown) > 0:

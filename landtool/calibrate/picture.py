@@ -126,7 +126,8 @@ def _draw_uncertainty(axes: Axes, calibration: Calibration) -> None:
     x, y = np.meshgrid(np.linspace(0, camera.width - 1, _MAP), np.linspace(0, camera.height - 1, rows))
     sigma = sigma_map_px(calibration.solution, np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape)
     known = np.isfinite(sigma)
-    top = float(np.quantile(sigma[known], 0.98)) if known.any() else 1.0
+    # the number that the text gives for the corners; a fisheye's circle may be worse beyond
+    top = calibration.edge_sigma_px if np.isfinite(calibration.edge_sigma_px) else 1.0
     shown = axes.imshow(
         np.where(known, sigma, top),
         extent=(-0.5, camera.width - 0.5, camera.height - 0.5, -0.5),
@@ -135,5 +136,7 @@ def _draw_uncertainty(axes: Axes, calibration: Calibration) -> None:
         cmap="viridis",
         interpolation="bilinear",
     )
-    axes.figure.colorbar(shown, ax=axes, label="px", shrink=0.8)
+    beyond = bool((sigma[known] > 1.001 * top).any())
+    bar = axes.figure.colorbar(shown, ax=axes, label="px", shrink=0.8, extend="max" if beyond else "neither")
+    bar.set_ticks([0.0, top / 2.0, top], labels=["0", f"{top / 2.0:.3f}", f"{top:.2f}"])
     axes.set_title("Standard deviation of where a ray is seen")

@@ -12,7 +12,7 @@ residuals' variance is the covariance of the intrinsics (Triggs et al., Bundle A
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -39,9 +39,10 @@ _DETERMINED = 2.0  # standard deviations a coefficient must be from zero to be k
 class Solution:
     """A calibrated camera.
 
-    poses: camera_T_board of each view. covariance: (4 + n, 4 + n) of fx, fy, cx, cy and the coefficients; rows of
-    those held at 0 are 0. free: which of them were solved for. residuals_px: (N, 2) a view, measured minus modelled.
-    weights: (N,) a view, in [0, 1]; 0 takes no part. scale: standard deviation of residuals over what was expected.
+    poses: camera_T_board of each view. pose_covariances: (6, 6) a view, of rotation vector and place. covariance:
+    (4 + n, 4 + n) of fx, fy, cx, cy and the coefficients; rows of those held at 0 are 0. free: which of them were
+    solved for. residuals_px: (N, 2) a view, measured minus modelled. weights: (N,) a view, in [0, 1]; 0 takes no part.
+    scale: standard deviation of residuals over what was expected.
     """
 
     camera: Camera
@@ -51,6 +52,7 @@ class Solution:
     residuals_px: tuple[Array, ...]
     weights: tuple[Array, ...]
     scale: float
+    pose_covariances: tuple[Array, ...]
 
     @property
     def rms_px(self) -> float:
@@ -274,5 +276,23 @@ class _Problem:
         camera = Camera(like.width, like.height, fx, fy, cx, cy, like.model, tuple(distortion))
         poses = tuple(Pose(rotation_from_rotvec(pose[:3]), pose[3:].copy()) for pose in b)
         return Solution(
-            camera, poses, covariance, self.free.copy(), tuple(residuals), tuple(weights), float(np.sqrt(variance))
+            camera,
+            poses,
+            covariance,
+            self.free.copy(),
+            tuple(residuals),
+            tuple(weights),
+            float(np.sqrt(variance)),
+            tuple(self._pose_covariances(a, b, weights, covariance[np.ix_(self.free, self.free)], variance)),
         )
+
+    def _pose_covariances(
+        self, a: Array, b: Array, weights: list[Array], covariance: Array, variance: float
+    ) -> Iterator[Array]:
+        """Yield B^-1 s^2 + K C K' of each view, K = B^-1 E' its pose's answer to the intrinsics."""
+        for pose, points, sigma, weight in zip(b, self.points, self.sigma, weights, strict=True):
+            _, by_a, by_b = self._project(a, pose, points)
+            wb = by_b * np.repeat(weight / sigma**2, 2)[:, None]
+            inverse = np.linalg.pinv(wb.T @ by_b, hermitian=True)  # a view may have lost its corners
+            answer = inverse @ wb.T @ by_a[:, self.free]
+            yield inverse * variance + answer @ covariance @ answer.T

@@ -28,7 +28,8 @@ def calibration_lines(calibration: Calibration) -> list[str]:
             NAMES[camera.model], camera.distortion, s[4:], solution.free[4:], strict=True
         )
     ]
-    tilt = np.abs(calibration.tilts_deg).max()
+    tilt = calibration.largest_tilt_deg
+    tilted = "tilt not told from none" if tilt is None else f"tilt up to {tilt[0]:.1f} +- {tilt[1]:.1f} degrees"
     return [
         f"views {used} used, {refused} refused, {calibration.spare} not needed; {corners} corners",
         f"rms {solution.rms_px:.3f} px",
@@ -36,7 +37,7 @@ def calibration_lines(calibration: Calibration) -> list[str]:
         f"cx {camera.cx:.2f} +- {s[2]:.2f}, cy {camera.cy:.2f} +- {s[3]:.2f} px",
         f"{camera.model}: {', '.join(distortion)}",
         f"uncertainty at the picture's corners {calibration.edge_sigma_px:.2f} px",
-        f"coverage {100 * calibration.covered:.0f} % of the picture, tilt up to {tilt:.0f} degrees",
+        f"coverage {100 * calibration.covered:.0f} % of the picture, {tilted}",
         f"field of view {calibration.hfov_deg:.1f} degrees horizontally, {camera.width}x{camera.height}",
         f"verdict: {calibration.verdict}",
     ]
@@ -73,12 +74,13 @@ def calibration_values(calibration: Calibration) -> dict[str, Any]:
 def _view_values(calibration: Calibration) -> list[dict[str, Any]]:
     solution = calibration.solution
     rows = []
-    for named, pose, rms, weight, tilt in zip(
+    for named, pose, rms, weight, tilt, tilt_sigma in zip(
         calibration.views,
         solution.poses,
         solution.view_rms_px,
         solution.weights,
         calibration.tilts_deg,
+        calibration.tilt_sigmas_deg,
         strict=True,
     ):
         rows.append({
@@ -89,6 +91,7 @@ def _view_values(calibration: Calibration) -> list[dict[str, Any]]:
             "rms_px": float(rms),
             "blur_px": float(np.median(named.view.blur_px)),
             "tilt_deg": [float(v) for v in tilt],
+            "tilt_sigma_deg": [float(v) for v in tilt_sigma],
             "camera_T_board": {
                 "translation_m": pose.translation.tolist(),
                 "quaternion_wxyz": pose.quaternion_wxyz.tolist(),

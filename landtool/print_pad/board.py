@@ -60,14 +60,13 @@ def lay_out_board(board: Board, page_mm: tuple[float, float]) -> Layout:
 
 
 def _say(board: Board) -> tuple[str, ...]:
-    options = f"landtool calibrate INPUT --board {board.kind} --squares {board.size} --square {board.square_m:.6g}"
+    call = f"landtool calibrate INPUT -o camera.yaml --board {board.kind} --squares {board.size}"
+    call += f" --square {board.square_m:.6g}"
     if board.kind == "charuco":
-        options += (
-            f" --marker {board.marker_m:.6g} --dictionary {board.dictionary}" + " --white-first" * board.white_first
-        )
+        call += f" --marker {board.marker_m:.6g} --dictionary {board.dictionary}" + " --white-first" * board.white_first
     if board.kind == "aprilgrid":
-        options += f" --spacing {board.spacing:g}"
-    return options, "Print at 100 %, no scaling: the ruler must measure 100 mm. Fix it to something flat."
+        call += f" --spacing {board.spacing:g}"
+    return call, "Print at 100 %, no scaling: the ruler must measure 100 mm. Fix it to something flat."
 
 
 def _fits(across: float, down: float, width: float, height: float) -> bool:

@@ -15,8 +15,12 @@ import pytest
 
 from landtool.calibrate.board import KINDS, Board
 from landtool.calibrate.corners import find_board
+from landtool.geometry import Pose
 from landtool.io.calibration import read_camera
+from landtool.pad import PadSpec
 from landtool.synth.board_clip import BoardClipConfig, film_board
+from landtool.synth.board_view import Scene, draw_board
+from landtool.synth.sensor import Sensor
 from landtool_cli.main import run
 from tests.shared import ROOT, shared_data
 
@@ -66,8 +70,114 @@ def test_a_folder_of_images_and_what_is_left_out(here: Path, capsys: Said) -> No
     (here / "boards" / "05.png").write_bytes(b"\x89PNG\r\n\x1a\nbroken")
     cv2.imwrite(str(here / "boards" / "06.png"), np.zeros((50, 60, 3), np.uint8))
     assert run(["calibrate", "boards", "-o", "camera.yaml"]) == 3
-    assert "boards: 1 pictures are not 640x480 as the first one and were left out" in capsys.readouterr().err
+    out, err = capsys.readouterr()
+    assert "boards: 1 picture is not 640x480 as the first one and left out: 06.png" in err
+    assert "boards: 1 picture lost or damaged and left out: 05.png; " in err
+    assert "board found in 14 of 14 pictures" in out
     assert read_camera(here / "camera.yaml").width == 640
+    left_out = json.loads((here / "camera.json").read_text())["left_out"]
+    assert [(item["frame"], item["file"]) for item in left_out] == [(5, "05.png"), (6, "06.png")]
+    assert all(item["reason"] for item in left_out)
+
+
+def test_pictures_cut_in_half_are_named(here: Path, capsys: Said) -> None:
+    for index in (3, 7, 8, 11):
+        path = here / "boards" / f"{index:02}.png"
+        path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    assert run(["calibrate", "boards", "-o", "camera.yaml"]) == 3
+    assert (
+        "boards: 4 pictures lost or damaged and left out: 03.png, 07.png, 08.png, 1 more; " in capsys.readouterr().err
+    )
+
+
+@pytest.mark.usefixtures("here")
+@pytest.mark.parametrize("name", ["camera.json", "camera.txt", "camera", "camera.report.png"])
+def test_another_ending_than_yaml_is_refused(name: str, here: Path, capsys: Said) -> None:
+    assert run(["calibrate", "boards", "-o", name]) == 2
+    assert f"{name}: is no name of a camera's YAML; end its name in .yaml or .yml" in capsys.readouterr().err
+    assert [path.name for path in here.iterdir()] == ["boards"]
+
+
+def film(folder: Path, board: Board, poses: list[Pose]) -> None:
+    folder.mkdir()
+    config, rng = BoardClipConfig(board), np.random.default_rng(0)
+    for index, pose in enumerate(poses):
+        image = draw_board(
+            Scene(board), config.camera, pose, Sensor(psf_sigma_px=0.6, shot_variance=1e-4, read_variance=5e-6), rng
+        )
+        cv2.imwrite(str(folder / f"{index:02}.png"), image)
+
+
+def test_a_board_never_tilted_gives_no_camera(tmp_path: Path, capsys: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    film(
+        tmp_path / "flat", Board(), [Pose(np.eye(3), np.array([*rng.uniform(-0.1, -0.06, 2), 0.32])) for _ in range(8)]
+    )
+    assert run(["calibrate", "flat", "-o", "camera.yaml"]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.search(r"flat: the views do not determine the camera.*; film the board.* tilted", err)
+    assert [path.name for path in tmp_path.iterdir()] == ["flat"]
+
+
+def test_a_poor_camera_says_so_and_is_read(tmp_path: Path, capsys: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    rng, poses = np.random.default_rng(1), []
+    for index in range(8):
+        turn = Pose.from_rotvec(np.zeros(3), 0.03 * np.array([np.cos(2.4 * index), np.sin(2.4 * index), 0.0]))
+        poses.append(Pose(turn.rotation, np.array([*rng.uniform(-0.1, -0.06, 2), 0.32])))
+    film(tmp_path / "flat", Board(), poses)
+    assert run(["calibrate", "flat", "-o", "camera.yml"]) == 3
+    out = capsys.readouterr().out
+    assert "verdict: poor" in out
+    assert re.search(r"tilt up to \d+\.\d \+- \d\.\d degrees", out)
+    text = (tmp_path / "camera.yml").read_text()
+    assert text.startswith("# landtool calibrate: poor, rms 0.")
+    assert "\n# only 8 views" in text
+    assert read_camera(tmp_path / "camera.yml").width == 640
+
+
+def test_a_recording_without_a_board_gets_no_hint_of_one(tmp_path: Path, capsys: Said) -> None:
+    noise = tmp_path / "noise"
+    noise.mkdir()
+    for index in range(4):
+        small = np.random.default_rng(index).integers(0, 256, (160, 213), np.uint8)
+        picture = cv2.GaussianBlur(cv2.resize(small, (640, 480)), (0, 0), 1.5)
+        cv2.imwrite(str(noise / f"{index}.png"), picture)
+    for path in (noise, FIXTURES / "stop-and-go.mp4"):
+        for args in ([], ["--board", "chessboard"], ["--board", "chessboard", "--squares", "4x4"]):
+            assert run(["calibrate", str(path), "-o", str(tmp_path / "c.yaml"), *args]) == 1
+            assert "nor is another board seen" in capsys.readouterr().err
+
+
+def test_white_first_where_the_board_is_not(tmp_path: Path, capsys: Said, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    board = Board("charuco", 6, 8, 0.02, 0.015)
+    film(tmp_path / "even", board, [Pose(np.eye(3), np.array([-0.06 + 0.01 * i, -0.08, 0.3])) for i in range(4)])
+    args = ["calibrate", "even", "-o", "c.yaml", "--squares", "6x8"]
+    assert run([*args, "--white-first"]) == 1
+    assert "whose first square is black; leave out --white-first" in capsys.readouterr().err
+    assert run(["calibrate", "even", "-o", "c.yaml", "--white-first"]) == 2
+    assert "a board of 8x11 whose first square is white; older OpenCV" in capsys.readouterr().err
+
+
+@pytest.mark.full
+def test_markers_in_the_film_of_a_chessboard(tmp_path: Path, capsys: Said) -> None:
+    clip = str(FIXTURES / "board.mp4")
+    assert run(["calibrate", clip, "--board", "chessboard", "-o", str(tmp_path / "c.yaml")]) in (0, 3)
+    out, err = capsys.readouterr()
+    assert re.search(r"board found in \d of \d\d pictures", out)
+    assert "ArUco markers of 5x5 bits are seen; is it --board charuco?" in err
+    assert "verdict: good" not in out
+
+
+def test_another_lens_model_that_fits_better_is_said(tmp_path: Path, capsys: Said) -> None:
+    clip = str(FIXTURES / "board.mp4")
+    assert run(["calibrate", clip, "--model", "fisheye", "-o", str(tmp_path / "c.yaml")]) == 0
+    out, err = capsys.readouterr()
+    assert re.search(r"another lens model fits better, rms 0\.\d+ against 0\.\d+ px: --model plumb_bob", err)
+    assert "verdict: usable" in out
 
 
 def test_an_output_that_exists_is_kept(here: Path, capsys: Said) -> None:
@@ -93,7 +203,7 @@ def mirror(folder: Path) -> None:
     [
         (["--squares", "7x11"], "the markers fit a board 8 wide; say --squares 8x11"),
         (["--dictionary", "4x4"], "markers of 5x5 bits are seen; say --dictionary 5x5"),
-        (["--board", "aprilgrid"], "ArUco markers of 5x5 bits are seen; is it --board charuco?"),
+        (["--board", "aprilgrid"], "an aprilgrid of 6x8 is found in none of its pictures, 3 are needed; ArUco markers"),
         (["--board", "chessboard"], "ArUco markers of 5x5 bits are seen; is it --board charuco?"),
     ],
 )
@@ -117,7 +227,7 @@ def test_a_mirrored_board_and_none(here: Path, capsys: Said) -> None:
     for path in (here / "boards").iterdir():
         cv2.imwrite(str(path), np.full((480, 640, 3), 90, np.uint8))
     assert run(["calibrate", "boards", "-o", "camera.yaml"]) == 1
-    assert "is found in none of its pictures, 3 are needed; film the whole board" in capsys.readouterr().err
+    assert "is found in none of its pictures, 3 are needed; nor is another board seen; film" in capsys.readouterr().err
 
 
 def test_inner_corners_counted_for_squares(tmp_path: Path, capsys: Said, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,6 +258,7 @@ def test_a_wrong_marker_and_too_few_rows_are_said(capsys: Said) -> None:
         (["boards", "-o", "boards"], 2, "boards: is the input itself"),
         (["boards", "-o", "c.yaml", "--board", "round"], 2, "no board 'round'; known: chessboard, charuco, aprilgrid"),
         (["boards", "-o", "c.yaml", "--board", "b.toml"], 1, "b.toml: holds no board's kind"),
+        (["boards", "-o", "c.yaml", "--board", "pad.toml"], 1, "pad.toml: describes a landing pad, not a board"),
         (["boards", "-o", "c.yaml", "--squares", "8"], 2, "'8' is no size of a board"),
         (["boards", "-o", "c.yaml", "--spacing", "0.3"], 2, "--spacing is read only with --board aprilgrid"),
         (["boards", "-o", "c.yaml", "--marker", "0.5"], 2, "markers of 0.5 m in squares of 0.02 m"),
@@ -156,12 +267,13 @@ def test_a_wrong_marker_and_too_few_rows_are_said(capsys: Said) -> None:
 )
 def test_what_it_refuses(args: list[str], code: int, said: str, here: Path, capsys: Said) -> None:
     (here / "b.toml").write_text("columns = 3\n")
+    (here / "pad.toml").write_text(PadSpec().to_toml())
     assert run(["calibrate", *args]) == code
     out, err = capsys.readouterr()
     assert out == ""
     assert said in err
     assert err.count("\n") == 1
-    assert sorted(path.name for path in here.iterdir()) == ["b.toml", "boards"]
+    assert sorted(path.name for path in here.iterdir()) == ["b.toml", "boards", "pad.toml"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -171,6 +283,8 @@ def test_a_printed_board_is_true_to_scale_and_found(kind: str, tmp_path: Path, c
     call = shlex.split(capsys.readouterr().out.splitlines()[-1].partition("landtool ")[2])
     assert call[:5] == ["calibrate", "INPUT", "-o", "camera.yaml", "--board"]
     px_per_mm = 5.0
+    words = pypdfium2.PdfDocument(output)[0].get_textpage().get_text_range()
+    assert f"landtool calibrate INPUT -o camera.yaml --board {kind}" in words
     page = pypdfium2.PdfDocument(output)[0].render(scale=px_per_mm * 25.4 / 72.0).to_numpy()
     # a little blur, as every camera has
     picture = np.asarray(cv2.GaussianBlur(np.ascontiguousarray(page[:, :, :3]), (7, 7), 0.8), np.uint8)
@@ -230,7 +344,7 @@ def test_the_real_footage_of_a_moving_board(tmp_path: Path, capsys: Said) -> Non
     footage = shared_data("tags/wpilib/testcalibration.mp4")
     known = json.loads(shared_data("tags/wpilib/camera_fieldvideo.json").read_text())
     square = ["--squares", "12x8", "--square", "0.0180086", "--marker", "0.0139954"]
-    assert run(["calibrate", str(footage), *square, "-o", str(tmp_path / "c.yaml")]) == 0
+    assert run(["calibrate", str(footage), *square, "-o", str(tmp_path / "c.yaml")]) == 3
     assert "never tilted" in capsys.readouterr().err
     fx = json.loads((tmp_path / "c.json").read_text())["parameters"]["fx"]
     assert abs(fx["value"] - known["K"][0][0]) < 3 * fx["sigma"]

@@ -7,7 +7,8 @@ from typing import Any
 
 import click
 
-from landtool.run.calibration import MODELS, CalibrateRequest, calibrate
+from landtool.calibrate.models import MODELS
+from landtool.run.calibration import CalibrateRequest, calibrate
 from landtool_cli import options
 from landtool_cli.boards import board_of, board_options
 from landtool_cli.console import Console, pass_console

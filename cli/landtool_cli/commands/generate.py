@@ -218,7 +218,7 @@ def board(console: Console, /, output: Path, overwrite: bool, **flags: Any) -> N
     with console.counter(label=output.name) as counter:
         camera = write_board_clip(config, output, overwrite=overwrite, report=counter.reach)
     beside = board_files(output)
-    console.result(f"{output}: {config.frames} pictures of a {filmed.name}")
+    console.result(f"{output}: {config.frames} pictures of {filmed.article} {filmed.name}")
     console.result(f"  truth: {beside['camera.yaml']}, fx {camera.fx:.2f}, cx {camera.cx:.2f}, cy {camera.cy:.2f} px")
     film = f"./{output}" if str(output).startswith("-") else str(output)
     call = ["landtool", "calibrate", film, "--board", str(beside["toml"]), "-o", "camera.yaml"]
