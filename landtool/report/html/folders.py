@@ -87,7 +87,8 @@ def read_folder(path: Path) -> Folder:
         return read_run(path)
     inner = sorted(child.name for child in path.iterdir() if (child / RUN_FILE).is_file())
     if inner:
-        raise UsageError(f"holds {len(inner)} runs and is none itself", file=path, hint=f"give {path / inner[0]}")
+        count = "a run" if len(inner) == 1 else f"{len(inner)} runs"
+        raise UsageError(f"holds {count} and is none itself", file=path, hint=f"give {path / inner[0]}")
     raise UsageError("is neither a run nor an evaluation", file=path, hint=_HINT)
 
 

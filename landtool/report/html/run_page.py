@@ -31,7 +31,7 @@ def run_page(run: Folder, output: Path, video: VideoMode) -> Page:
     flight = read_flight(run)
     section, made = run_section(run, flight, _KEY, _name(record), output, video, Budget(), has_truth=False)
     pictures: tuple[Still, ...] = ()
-    note = "No frame can be shown: frames.csv is missing or has no row."
+    note = f"No frame can be shown: {_without_frames(run)}."
     if flight is not None and made is not None:
         moments = worst(run_faults(flight), spread(flight))
         pictures = tuple(_stills(flight, made, moments))
@@ -68,7 +68,7 @@ def run_section(
     has_truth: the run is one of an evaluation, which compares with truth.
     """
     if flight is None:
-        return Section(key, name, None, None, (), missing=("No timeline: frames.csv is missing or has no row.",)), None
+        return Section(key, name, None, None, (), missing=(f"No timeline: {_without_frames(run)}.",)), None
     without = _without_video(run.record, "eval" if has_truth else "track")
     made = film(run.video, flight, output, video, budget, without=without)
     charts = tuple(draw(chart) for chart in run_charts(flight, has_truth=has_truth))
@@ -81,6 +81,11 @@ def _without_video(record: Mapping[str, Any], command: str) -> str:
     if "video" in (record["config"].get("save") or ()):
         return f"{VIDEO_FILE} is missing: the run saved one, but it is not in its folder any more"
     return f"the run saved none; give `landtool {command}` --save csv,video for one"
+
+
+def _without_frames(run: Folder) -> str:
+    """Say why frames.csv tells of no frame."""
+    return next((said for said in run.missing if said.startswith("frames.csv ")), "frames.csv has no row")
 
 
 def spread(flight: Flight) -> float:
