@@ -132,7 +132,7 @@ def _dataset(file: Path, data: Mapping[str, Any], needed: Sequence[str]) -> Yolo
         raise InputError(f"names no pictures: it has none of {', '.join(SPLITS)}")
     names = _names(data["names"])
     if data.get("nc", len(names)) != len(names):
-        raise InputError(f"nc = {data['nc']}, but there are {len(names)} names")
+        raise InputError(f"nc = {data['nc']}, but the number of names is {len(names)}")
     root = file.parent / str(data.get("path") or ".")
     splits = {split: _pictures(root, data[split], split) for split in SPLITS if data.get(split)}
     return YoloDataset(file, names, splits, _keypoints(data.get("kpt_shape")))

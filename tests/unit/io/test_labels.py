@@ -115,7 +115,7 @@ class TestYolo:
         [
             ("train: images/train\nval: images/val\n", "has no 'names'"),
             ("train: images/train\nnames: [pad]\n", "has no 'val'"),
-            ("train: images/train\nval: images/val\nnames: [pad]\nnc: 2\n", "nc = 2, but there are 1 names"),
+            ("train: images/train\nval: images/val\nnames: [pad]\nnc: 2\n", "nc = 2, but the number of names is 1"),
             ("train: images/train\nval: images/val\nnames: {1: pad}\n", "must be a list, or count 0"),
             ("train: images/train\nval: images/none\nnames: [pad]\n", "val: images/none does not exist"),
             ("train: images/train\nval: images/val\nnames: [pad]\nkpt_shape: 5\n", "kpt_shape must be two"),
