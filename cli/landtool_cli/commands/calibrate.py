@@ -23,7 +23,7 @@ from landtool_cli.console import Console, pass_console
     type=click.Choice(list(MODELS)),
     default="plumb_bob",
     show_default=True,
-    help="The lens: 5 coefficients, 8 of a rational polynomial, or a fisheye's 4.",
+    help="The lens: 5 coefficients, a fisheye's 4, or 8 of a rational polynomial.",
 )
 @options.topic
 @options.overwrite

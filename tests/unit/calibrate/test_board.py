@@ -97,3 +97,8 @@ def test_a_file_that_is_no_board(text: str, said: str, tmp_path: Path) -> None:
 def test_boards_that_cannot_be(values: dict[str, object]) -> None:
     with pytest.raises(UsageError):
         replace(Board(), **values)  # type: ignore[arg-type]
+
+
+def test_a_first_white_square_needs_an_even_number_of_rows() -> None:
+    with pytest.raises(UsageError, match="a board of 8x11 whose first square is white"):
+        Board(white_first=True)

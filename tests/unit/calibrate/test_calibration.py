@@ -4,15 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from landtool.calibrate.board import KINDS, Board, BoardKind
 from landtool.calibrate.calibration import Calibration, NamedView, calibrate_views
 from landtool.calibrate.choose import choose_views, coverage
 from landtool.calibrate.corners import BoardView
-from landtool.calibrate.picture import draw_report
+from landtool.calibrate.models import better_model
+from landtool.calibrate.picture import _draw_uncertainty, draw_report
 from landtool.calibrate.solve import solve
 from landtool.calibrate.text import calibration_lines, calibration_values
-from landtool.camera import Camera
+from landtool.camera import Camera, DistortionModel
 from landtool.errors import InputError
 from landtool.geometry import Array, Pose
 from tests.unit.calibrate.scenes import CAMERAS, PINHOLE, SIZE, straight, views
@@ -133,11 +135,36 @@ def test_a_camera_no_view_determines() -> None:
     with pytest.raises(InputError, match="2 views of the board, 3 are needed"):
         warned(many(2))
     same = [exact(Board(), PINHOLE, straight(0.3), rng, 0.3) for _ in range(4)]
-    try:
-        result = warned(same)
-    except InputError:
-        return
-    assert result.verdict == "poor"
+    with pytest.raises(InputError, match=r"the views do not determine the camera.*tilted"):
+        warned(same)
+
+
+def test_a_tilt_that_is_noise_is_not_said() -> None:
+    result = warned(many(12))
+    tilt = result.largest_tilt_deg
+    assert tilt is not None
+    assert 15.0 < tilt[0] < 60.0
+    assert 0.0 < tilt[1] < 1.0
+    unsure = replace(result, tilts_deg=result.tilt_sigmas_deg * 2.0)
+    assert unsure.largest_tilt_deg is None
+    assert any("tilt not told from none" in line for line in calibration_lines(unsure))
+
+
+def test_the_scale_of_uncertainty_ends_at_the_number_of_the_text() -> None:
+    result = warned(many(12))
+    axes = Figure().subplots()
+    _draw_uncertainty(axes, result)
+    assert axes.images[0].norm.vmax == result.edge_sigma_px
+    bar = axes.images[0].colorbar
+    assert bar is not None
+    labels = [label.get_text() for label in bar.ax.get_yticklabels()]
+    assert any(f"corners {labels[-1]} px" in line for line in calibration_lines(result))
+
+
+@pytest.mark.parametrize(("model", "better"), [("equidistant", "--model plumb_bob"), ("plumb_bob", "")])
+def test_a_model_that_fits_better_is_named(model: DistortionModel, better: str) -> None:
+    said = better_model(calibrate_views(Board(), named(many(16)), SIZE, model))
+    assert [text.partition("px: ")[2] for text in said] == ([better] if better else [])
 
 
 def test_views_are_chosen_for_what_they_add() -> None:
