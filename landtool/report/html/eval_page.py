@@ -60,8 +60,15 @@ def evaluation_page(evaluation: Folder, output: Path, video: VideoMode) -> Page:
 
 def _clips(evaluation: Folder, output: Path, video: VideoMode) -> list[_Clip]:
     budget = Budget()
+    models = [str(model.get("name")) for model in evaluation.record["models"]]
+
+    def by_model(clip: tuple[str, Path]) -> int:
+        """The models come in the order of their numbers, each with its clips."""
+        model = _model_and_clip(clip[0], evaluation.record)[0]
+        return models.index(model) if model else 0
+
     found: list[_Clip] = []
-    for number, (name, path) in enumerate(clip_folders(evaluation.path)):
+    for number, (name, path) in enumerate(sorted(clip_folders(evaluation.path), key=by_model)):
         key = f"clip-{number}"
         try:
             run = read_run(path)

@@ -293,6 +293,14 @@ def test_times_say_what_their_stages_are(tmp_path: Path) -> None:
     assert "tags: reading" not in words
 
 
+def test_clips_come_in_the_order_of_the_models(tmp_path: Path) -> None:
+    folder = write_evaluation(tmp_path / "eval")
+    for name in ("other/a", "other/b", "shipped/a", "shipped/b"):
+        write_landing(folder / "runs" / name, landing(2), video=False)
+    text, _ = page(folder, tmp_path / "e.html")
+    assert re.findall(r'class="flight"><h2>(.*?)</h2>', text) == ["shipped/a", "shipped/b", "other/a", "other/b"]
+
+
 def test_an_evaluation_of_nothing_is_undefined(tmp_path: Path) -> None:
     empty = [metric("detection", "map50", None, 0, 0)]
     folder = write_evaluation(tmp_path / "eval", metrics=empty, curves=[], speed=[], models=[])
