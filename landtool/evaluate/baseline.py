@@ -46,6 +46,10 @@ class Baseline:
             notes.append("the baseline is of other data: a number is worse only where its interval says so, too")
         gone = [f"{clip} is in the baseline and was not scored" for clip in self._clips() if clip not in other._clips()]
         notes += gone
+        scored = {metric.stage for metric in other.metrics}
+        stages = dict.fromkeys(metric.stage for metric in self.metrics if metric.stage not in scored)
+        if stages:
+            notes.append(f"the baseline has {', '.join(stages)}, which were not scored: keep one for each --stages")
         if self.settings != other.settings:
             notes.append("the baseline was made with other settings")
         return notes

@@ -158,3 +158,11 @@ def test_a_clip_that_is_gone_is_named() -> None:
     now = Baseline("b", "", (made("time.rate_ppm:clip=two", 0.0),))
     assert [note for note in kept.notes(now) if "one" in note] == ["one is in the baseline and was not scored"]
     assert not any("two" in note for note in kept.notes(now))
+
+
+def test_stages_that_were_not_scored_are_named() -> None:
+    kept = Baseline("a", "", (made("pose.place_m", 1.0), made("track.nees", 1.0), made("track.nis", 1.0)))
+    now = Baseline("a", "", (made("pose.place_m", 1.0),))
+    (note,) = kept.notes(now)
+    assert note.startswith("the baseline has track, which")
+    assert kept.notes(kept) == []
