@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, get_args
@@ -30,6 +30,8 @@ METRIC_COLUMNS: Columns = {
     "of": int,
 }
 _HINT = "give the folder that `landtool eval` wrote"
+_AGAIN = "evaluate again"
+_KEYS = ("dataset", "models", "metrics", "versions")
 
 
 @dataclass(frozen=True)
@@ -144,22 +146,17 @@ def read_metrics(folder: Path) -> tuple[Mapping[str, Any], tuple[Metric, ...]]:
     except OSError as error:
         raise UsageError(error.strerror or "cannot be read", file=path, hint=_HINT) from error
     except (ValueError, RecursionError) as error:
-        raise InputError("is no valid JSON", file=path, hint="evaluate again") from error
+        raise InputError("is no valid JSON", file=path, hint=_AGAIN) from error
     if not isinstance(values, dict) or values.get("format_version") != FORMAT_VERSION:
         found = values.get("format_version") if isinstance(values, dict) else None
-        raise InputError(f"is of format {found}, not {FORMAT_VERSION}", file=path, hint="evaluate again")
-    rows = values.get("metrics")
-    if not isinstance(rows, list):
-        raise InputError("has no metrics", file=path, hint="evaluate again")
+        raise InputError(f"is of format {found}, not {FORMAT_VERSION}", file=path, hint=_AGAIN)
+    missing = [key for key in _KEYS if key not in values]
+    if missing or not isinstance(values["metrics"], list):
+        raise InputError(f"has no {', '.join(missing) or 'list of metrics'}", file=path, hint=_AGAIN)
     try:
-        return values, tuple(metric_of(row) for row in rows)
+        return values, tuple(metric_of(row) for row in values["metrics"])
     except InputError as error:
-        raise InputError(error.reason, file=path, hint="evaluate again") from error
-
-
-def of_model(metrics: Sequence[Metric], model: str) -> list[Metric]:
-    """Return the metrics of one network, and those no network took part in."""
-    return [m for m in metrics if m.model in (model, "")]
+        raise InputError(error.reason, file=path, hint=_AGAIN) from error
 
 
 def _is_number(value: Any) -> bool:

@@ -12,7 +12,7 @@ from landtool.evaluate.baseline import Baseline, read_baseline, settings_digest,
 from landtool.evaluate.dataset import Clip, EvalDataset, FogPairs, Part, Stills, open_dataset
 from landtool.evaluate.gate import GateResult, gate
 from landtool.evaluate.junit import write_junit
-from landtool.evaluate.record import EvalRecord, ModelRecord, PartRecord, write_record
+from landtool.evaluate.record import METRICS_JSON, EvalRecord, ModelRecord, PartRecord, write_record
 from landtool.evaluate.tolerance import read_tolerance
 from landtool.io.atomic import atomic_folder, refuse_input_as_output
 from landtool.io.run_record import HashedFile
@@ -25,7 +25,6 @@ from landtool.run.scores import ERROR_TABLES, Scores
 from landtool.run.scoring import Judged, Progress, looks, scored
 
 SHIPPED = "shipped"  # what the network in the package is called beside others
-MARK = "metrics.json"
 RUNS = "runs"
 FAILED, LOSS = 1, 3  # the gate is not met; a part could not be scored, or there was none
 NOTHING = "nothing to evaluate with was found: every number is undefined, 0 of 0"
@@ -67,7 +66,7 @@ def evaluate(
     counts = [PartRecord(part.name, _kind(part), _pictures(part)) for part in dataset.parts]
     frames = zip(dataset.parts, counts, strict=True)
     on_expect(sum(looks(part, count.frames, evaluation, len(models)) for part, count in frames))
-    with atomic_folder(request.folder, overwrite=request.overwrite, mark=MARK) as temporary:
+    with atomic_folder(request.folder, overwrite=request.overwrite, mark=METRICS_JSON) as temporary:
         scores = scored(dataset, models, evaluation, request.config.dehazer, temporary / RUNS, progress)
         if progress.in_vain:
             _write_junit(request, progress, None)

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from landtool.errors import InputError, LandtoolError, UsageError
+from landtool.evaluate.record import METRICS_JSON, read_metrics
 from landtool.io.run_record import RUN_FILE
 from landtool.io.tables import TABLES, Columns, ReadTable, read_table
 
-METRICS_FILE = "metrics.json"
 VIDEO_FILE = "annotated.mp4"
 Kind = Literal["run", "evaluation"]
 _HINT = "give a folder that `landtool track` or `landtool eval` wrote, such as runs/track/flight"
@@ -81,7 +81,7 @@ def read_folder(path: Path) -> Folder:
     if not path.is_dir():
         reason = "is no folder" if path.exists() else "does not exist"
         raise UsageError(reason, file=path, hint=_HINT)
-    if (path / METRICS_FILE).is_file():
+    if (path / METRICS_JSON).is_file():
         return read_evaluation(path)
     if (path / RUN_FILE).is_file():
         return read_run(path)
@@ -104,8 +104,8 @@ def read_run(path: Path) -> Folder:
 
 
 def read_evaluation(path: Path) -> Folder:
-    """Read an evaluation's folder. Raises InputError as `_read_record` does."""
-    record = _read_record(path / METRICS_FILE, ("dataset", "models", "metrics", "versions"))
+    """Read an evaluation's folder. Raises InputError as `read_metrics` does."""
+    record, _ = read_metrics(path)
     return Folder(path, "evaluation", record, *_read_tables(path, EVALUATION_TABLES))
 
 

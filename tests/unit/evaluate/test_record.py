@@ -21,7 +21,6 @@ from landtool.evaluate.record import (
     PartRecord,
     SpeedRecord,
     metric_of,
-    of_model,
     read_metrics,
     write_record,
 )
@@ -132,8 +131,3 @@ def test_a_row_is_a_metric() -> None:
     found = metric_of({**row, "value": 1, "better": "lower", "count": 3, "of": 4})
     assert found == Metric("track", "lag_s", 1.0, 3, 4, "lower")
     assert isinstance(found.value, float)
-
-
-def test_metrics_of_a_network_are_its_own_and_those_without_one() -> None:
-    a, b, none = (replace(METRICS[0], model=model) for model in ("a", "b", ""))
-    assert of_model([a, b, none], "a") == [a, none]
