@@ -75,7 +75,7 @@ def judge_evaluation(record: Mapping[str, Any]) -> Judgement:
     counted = tuple(
         f"{verdicts.count(word)} {text}"
         for word, text in (
-            ("worse", "worse than its tolerance allows"),
+            ("worse", "worse than allowed"),
             ("gone", "gone: in the baseline, but not measured"),
             ("better", "better"),
             ("noise", "changed, but within its interval"),

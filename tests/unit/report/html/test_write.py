@@ -219,7 +219,7 @@ def test_an_evaluation_shows_gate_numbers_and_clips(tmp_path: Path) -> None:
     text, checker = page(folder, tmp_path / "e.html")
     words = " ".join(checker.text.split())
     assert "Gate not met" in words
-    assert "2 worse than its tolerance allows" in words
+    assert "2 worse than allowed" in words
     assert "0.953 (0.8577 to 1.048), 120 of 126" in words
     assert "undefined, 0 of 0" in words
     assert "near 1" in words
